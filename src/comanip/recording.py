@@ -1,0 +1,142 @@
+"""Recording: named channels with their own time, unit, frame and axes; frozen.
+
+Every run yields a Recording and every file is read into one, so a reproduction can be learned from like a lesson.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from .errors import ChannelError
+from .interfaces import Array
+
+
+def frozen(values: Any) -> Array:
+    """A read-only float64 copy."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """One signal over its own time.
+
+    time    (T,) [s], seconds of the recording's clock
+    values  (T, d), one column an axis
+    unit    SI symbol ("m", "m/s", "N", "rad", ...); "" when the file did not say
+    frame   the frame the values are expressed in; "" when unknown
+    axes    (d,) names of the columns, for example ("z",)
+    """
+
+    time: Array
+    values: Array
+    unit: str = ""
+    frame: str = ""
+    axes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        time, values = frozen(self.time), frozen(self.values)
+        if values.ndim == 1:
+            values = frozen(values[:, None])
+        if time.ndim != 1 or values.ndim != 2 or len(time) != len(values):
+            raise ChannelError(f"a channel needs time (T,) and values (T, d); got {time.shape} and {values.shape}")
+        axes = tuple(self.axes) or tuple(str(i) for i in range(values.shape[1]))
+        if len(axes) != values.shape[1]:
+            raise ChannelError(f"{values.shape[1]} columns need as many axis names; got {axes}")
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "axes", axes)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Channels by name, and metadata that survives as JSON (role, operator, seed, provenance ...)."""
+
+    channels: Mapping[str, Channel]
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
+        object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
+
+    def __getitem__(self, name: str) -> Channel:
+        try:
+            return self.channels[name]
+        except KeyError:
+            has = ", ".join(sorted(self.channels)) or "no channel at all"
+            raise ChannelError(f"channel {name!r} is not in this recording; it has: {has}") from None
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.channels
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last stamp of any channel [s]."""
+        stamps = [c.time for c in self.channels.values() if len(c.time)]
+        return float(max(t[-1] for t in stamps) - min(t[0] for t in stamps)) if stamps else 0.0
+
+    def with_channels(self, more: Mapping[str, Channel]) -> Recording:
+        return Recording({**self.channels, **more}, self.metadata)
+
+    def with_metadata(self, **more: Any) -> Recording:
+        return Recording(self.channels, {**self.metadata, **more})
+
+
+class Recorder:
+    """Collects rows during a run without slowing it; `recording()` freezes them.
+
+    Rows are copied into blocks that double in size, so that a tick allocates nothing most of the time.
+    """
+
+    def __init__(self, layout: Mapping[str, tuple[int, str, tuple[str, ...]]], frame: str = "task") -> None:
+        """`layout`: channel name -> (number of columns, unit, axis names)."""
+        self._layout = dict(layout)
+        self._frame = frame
+        self._offsets: dict[str, slice] = {}
+        width = 1
+        for name, (columns, _, _) in self._layout.items():
+            self._offsets[name] = slice(width, width + columns)
+            width += columns
+        self._rows = np.empty((1024, width))
+        self._row = self._rows[0]
+        self._count = 0
+
+    def start_row(self, time: float) -> None:
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._row = self._rows[self._count]
+        self._row[0] = time
+        self._count += 1
+
+    def put(self, name: str, values: Any) -> None:
+        self._row[self._offsets[name]] = values
+
+    def recording(self, metadata: Mapping[str, Any]) -> Recording:
+        rows = self._rows[: self._count]
+        channels = {
+            name: Channel(rows[:, 0], rows[:, self._offsets[name]], unit, self._frame, axes)
+            for name, (_, unit, axes) in self._layout.items()
+        }
+        return Recording(channels, metadata)
+
+
+def expand(names: str | Iterable[str], available: Iterable[str]) -> tuple[str, ...]:
+    """Scalar channel names for a choice by name: "force" stands for "force.x", "force.z", ... in their order.
+
+    Raises ChannelError that lists what there is.
+    """
+    available = tuple(available)
+    wanted = (names,) if isinstance(names, str) else tuple(names)
+    found: list[str] = []
+    for name in wanted:
+        hits = [a for a in available if a == name or a.startswith(name + ".")]
+        if not hits:
+            raise ChannelError(f"channel {name!r} is not here; there are: {', '.join(available)}")
+        found.extend(h for h in hits if h not in found)
+    return tuple(found)
