@@ -189,7 +189,7 @@ def check_velocity(
         return
     slope = smooth(differentiate(position, dt), dt, cutoff_hz)
     speed = smooth(velocity, dt, cutoff_hz)
-    power = np.sqrt((slope**2).mean(axis=0)), np.sqrt((speed**2).mean(axis=0))
+    power: list[Array] = [np.sqrt((slope**2).mean(axis=0)), np.sqrt((speed**2).mean(axis=0))]
     factors: dict[str, float] = {}
     for i, axis in enumerate(axes):
         if min(float(p[i]) / max(float(p.max()), DEAD) for p in power) < 0.1 or power[0][i] < 1e-3:
@@ -219,10 +219,10 @@ def _correlation(a: Array, b: Array, dt: float) -> tuple[float, float, float]:
 
     def at(k: int) -> float:
         x, y = (a[k:], b[: len(b) - k]) if k >= 0 else (a[:k], b[-k:])
-        return float(x @ y / max(np.sqrt((x @ x) * (y @ y)), 1e-300))
+        return float(x @ y) / max(float(np.sqrt((x @ x) * (y @ y))), 1e-300)
 
     values = {k: at(k) for k in range(-reach, reach + 1)}
-    best = max(values, key=values.__getitem__)
+    best = max(values, key=lambda k: values[k])
     return values[0], values[best], best * dt
 
 

@@ -3,7 +3,7 @@
     F = F_s + s m (a - g)
 
 F_s is the force of the OBJECT ON THE HAND, s the hand's share of the object (0.5 for two partners, the paper's
-footnote 1), m its mass, a the hand's acceleration and g gravity as a vector, (0, 0, -9.80665) m/s^2 for axes x, y, z up.
+footnote 1), m its mass, a the hand's acceleration and g gravity as a vector, (0, 0, -9.80665) m/s^2 for x, y, z up.
 The paper prints F = F_s - (m/2)(a - g): read with g = +9.81 the weight cancels but the inertia doubles. With the sign
 above the load's weight AND its inertia vanish, and F > 0 when the partner lifts while the hand is still.
 """
@@ -135,9 +135,9 @@ def _window(name: str, values: Array, n_axes: int) -> Array:
 class CausalInteractionForce:
     """Eq. (3) tick by tick: the causal twin of what `demonstration` does with a recording.
 
-    Fills `obs.force` from `obs.sensor_force` and `obs.velocity`. The sum F_s + s m (a - g) is filtered, so F_s and a pass
-    the SAME low-pass. a is a backward difference, half a tick late; F_s is matched to it (mean of two ticks), or, where
-    the sensor itself is later than that (`force_delay_s`), a waits for F_s.
+    Fills `obs.force` from `obs.sensor_force` and `obs.velocity`. The sum F_s + s m (a - g) is filtered, so F_s and a
+    pass the SAME low-pass. a is a backward difference, half a tick late; F_s is matched to it (mean of two ticks),
+    or, where the sensor itself is later than that (`force_delay_s`), a waits for F_s.
 
     A tick whose input is missing (NaN, infinite, beyond 1e6 N) gives NaN and leaves the filter as it was; the next good
     tick differentiates over the hole.

@@ -23,7 +23,7 @@ def read(path: str | Path, columns: Columns | None = None, *, recover: bool = Fa
     """Every recording in a file (.mcap, .csv and other text tables, .npy, .npz, .mat) or directory of CSV files.
 
     `columns` maps the columns of foreign files; on our own files it selects, renames and states what is missing.
-    `recover` skips damaged parts of an .mcap file instead of refusing it; a file cut short is read up to the cut always.
+    `recover` skips damaged parts of an .mcap file instead of refusing it; a file cut short is always read to the cut.
     What was assumed or changed is in each recording's metadata["notes"].
 
     Raises RecordingError for a file that cannot be read, ChannelError for a column that is not there.

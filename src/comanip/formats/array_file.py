@@ -69,9 +69,8 @@ class ArrayTree:
     def _numeric(self, name: str, value: Any) -> Array:
         array = np.asarray(value)
         if array.dtype.kind not in "fiub":
-            raise ChannelError(
-                f"{self.path}: {name!r} is no array of numbers; below it there are: {', '.join(_leaves(name, value)) or 'none'}"
-            )
+            below = ", ".join(_leaves(name, value)) or "none"
+            raise ChannelError(f"{self.path}: {name!r} is no array of numbers; below it there are: {below}")
         return array.astype(np.float64)
 
 

@@ -71,8 +71,8 @@ class Columns:
     ..._unit                    the file's unit when it is not SI (mm, deg, gf ...): converted, and said
 
     An expression is a CSV header, a 0-based column index, or, in .mat and .npz, a path with indices such as
-    `scope.signals[1].values[:,0]`; a leading "-" flips the sign. Naming any of position, velocity, force or sensor_force
-    turns recognition off.
+    `scope.signals[1].values[:,0]`; a leading "-" flips the sign. Naming any of position, velocity, force or
+    sensor_force turns recognition off.
     """
 
     position: tuple[str, ...] = ()
@@ -150,7 +150,8 @@ def unit_in(header: str) -> tuple[str, str]:
 
 _PATTERNS = {
     "position": r"^(?:hand[._])?(?:(?:position|pos|p)[_. ]?)?([xyz])$|^(?:hand[._])?(?:position|pos|height)$",
-    "velocity": r"^(?:hand[._])?(?:velocity|vel|v|d)[_. ]?([xyz])$|^([xyz])[_. ]?(?:dot|d)$|^(?:hand[._])?(?:velocity|vel)$",
+    "velocity": r"^(?:hand[._])?(?:velocity|vel|v|d)[_. ]?([xyz])$|^([xyz])[_. ]?(?:dot|d)$"
+    r"|^(?:hand[._])?(?:velocity|vel)$",
     "force": r"^(?:hand[._])?(?:force|f)[_. ]?([xyz])$|^(?:hand[._])?(?:force|f)$",
 }
 TIME_NAMES = ("t", "time", "timestamp", "timestamps", "stamp", "seconds", "sec", "time_s", "t_s")
