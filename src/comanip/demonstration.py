@@ -224,7 +224,7 @@ def _pieces(recording: Recording, chosen: Preparation) -> list[Demonstration]:
     for name, found in holes.items():
         if found and not chosen.split_gaps:
             raise RecordingError(gap_message(f"{where}: {name}", found[0], len(found)))
-    cuts = sorted((before, after) for found in holes.values() for _, before, after in found)
+    cuts = _merged(sorted((before, after) for found in holes.values() for _, before, after in found))
     starts, stops = [-np.inf, *(after for _, after in cuts)], [*(before for before, _ in cuts), np.inf]
     pieces: list[Demonstration] = []
     for i, (start, stop) in enumerate(zip(starts, stops, strict=True)):
@@ -237,6 +237,17 @@ def _pieces(recording: Recording, chosen: Preparation) -> list[Demonstration]:
     if not pieces:
         raise RecordingError(f"{where}: no piece between the {len(cuts)} gaps is long enough")
     return pieces
+
+
+def _merged(cuts: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Holes of several channels that overlap count as one."""
+    merged: list[tuple[float, float]] = []
+    for before, after in cuts:
+        if merged and before < merged[-1][1]:
+            merged[-1] = (merged[-1][0], max(after, merged[-1][1]))
+        else:
+            merged.append((before, after))
+    return merged
 
 
 def _role(recording: Recording, where: str, asked: str | None, notes: list[str]) -> str:
@@ -273,7 +284,7 @@ def _channels(recording: Recording, where: str, chosen: Preparation, notes: list
                 notes.append(f"{name}: no frame is stored; taken as the task frame")
         found[name] = cleaned(at, channel, drop_bad=chosen.drop_bad, min_frames=chosen.min_frames, notes=notes)
         check_period(at, period(found[name]))
-        if name in _KIND and name != "sensor_force" and chosen.plausible is not None:
+        if name in _KIND and chosen.plausible is not None:
             check_plausible(at, _KIND[name], found[name].values, channel.unit, chosen.plausible, channel.axes)
     axes = {n: c.axes for n, c in found.items() if n in _KIND}
     if len(set(axes.values())) > 1:
@@ -330,6 +341,11 @@ def _one_rate(
             "times apart; resample one of them first"
         )
     rate = float(asked) if asked else rates[slow]
+    if rate > MAX_RATE_RATIO * rates[slow] * 1.01:
+        raise RecordingError(
+            f"{where}: {slow} has stamps at {rates[slow]:.4g} Hz, {rate:g} Hz was asked for: a frame counter? "
+            'ignore the stamps with time="none", or state another rate'
+        )
     dt = regular[slow][0] if not asked or abs(rate * regular[slow][0] - 1.0) < 1e-9 else 1.0 / rate
     first = next(iter(channels.values())).time
     if all(even and np.array_equal(channels[n].time, first) and own == dt for n, (own, even) in regular.items()):
@@ -370,8 +386,18 @@ def _regular(channel: Channel) -> tuple[float, bool]:
 
 
 def _steps(channel: Channel) -> Frames:
-    """Periods from each stamp to the next, more than one where frames are missing; (T - 1,)."""
-    return np.maximum(np.rint(np.diff(channel.time) / period(channel)), 1).astype(np.int64)
+    """Periods from each stamp to the next, more than one where frames are missing; (T - 1,).
+
+    Each stamp is held against a running estimate of the grid, not against its neighbour: two neighbours that jitter by
+    0.3 periods each, apart, would look like a missing frame.
+    """
+    dt, grid, steps = period(channel), float(channel.time[0]), []
+    for stamp in channel.time[1:].tolist():
+        step = max(1, round((stamp - grid) / dt))
+        grid += step * dt
+        grid += 0.1 * (stamp - grid)  # follows drift, averages jitter
+        steps.append(step)
+    return np.array(steps, dtype=np.int64)
 
 
 def _jitter(channel: Channel, dt: float) -> float:

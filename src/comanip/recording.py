@@ -45,7 +45,11 @@ class Channel:
         if values.ndim == 1:
             values = frozen(values[:, None])
         if time.ndim != 1 or values.ndim != 2 or len(time) != len(values):
-            raise ChannelError(f"a channel needs time (T,) and values (T, d); got {time.shape} and {values.shape}")
+            hint = ": transpose them" if values.ndim == 2 and len(time) == values.shape[1] else ""
+            raise ChannelError(
+                f"a channel needs time (T,) and values (T, d); got {time.shape} and {values.shape}, "
+                f"want ({len(time) if time.ndim == 1 else 'T'}, d){hint}"
+            )
         axes = tuple(self.axes) or tuple(str(i) for i in range(values.shape[1]))
         if len(axes) != values.shape[1]:
             raise ChannelError(f"{values.shape[1]} columns need as many axis names; got {axes}")

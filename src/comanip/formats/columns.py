@@ -125,10 +125,10 @@ def sign_and_name(expression: str, available: Iterable[str]) -> tuple[float, str
 def unknown(what: str, name: str, available: Iterable[str]) -> ChannelError:
     """An error that lists what there is, the likely one first."""
     names = [n for n in dict.fromkeys(available) if n]
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     lowered = {n.lower(): n for n in names}
-    close = close or [lowered[n] for n in difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)]
-    hint = f"; did you mean {close[0]!r}?" if close else ""
+    close = close or [lowered[n] for n in difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.5)]
+    hint = f"; did you mean {close[0]!r}?" if close else ";"
     shown = ", ".join(names[:40]) + (f" and {len(names) - 40} more" if len(names) > 40 else "")
     return ChannelError(f"{what}: no column {name!r}{hint} there are: {shown or 'none'}")
 

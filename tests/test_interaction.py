@@ -1,0 +1,219 @@
+"""Eq. (3): weight and inertia of the load vanish, the partner's intent stays; off line and tick by tick alike."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from comanip.demonstration import demonstration
+from comanip.errors import ChannelError, ParameterError
+from comanip.filters import Lowpass, differentiate, smooth
+from comanip.interaction import (
+    CausalInteractionForce,
+    Payload,
+    gravity_along,
+    identify_payload,
+    interaction_force,
+    mean_and_error,
+)
+from comanip.interfaces import STANDARD_GRAVITY, Observation
+from comanip.recording import Channel
+from lifts import lift, minimum_jerk
+
+DT, MASS = 0.01, 5.0
+TIME = np.arange(0, 5, DT)
+GRAVITY = gravity_along(("z",))
+
+
+def carried(intent=0.0):
+    """(x, dx, ddx, F_s) of a 5 kg object shared by two: the hand carries half of its weight and inertia."""
+    x, dx, ddx = minimum_jerk(TIME)
+    return x, dx, ddx, intent - 0.5 * MASS * (ddx + STANDARD_GRAVITY)
+
+
+def test_at_rest_the_weight_vanishes():
+    sensed = np.full((10, 1), -0.5 * MASS * STANDARD_GRAVITY)
+    force = interaction_force(sensed, np.zeros((10, 1)), mass_kg=MASS, gravity=GRAVITY)
+    assert np.abs(force).max() < 1e-12
+
+
+def test_carrying_the_load_needs_no_partner():
+    _, _, ddx, sensed = carried()
+    force = interaction_force(sensed[:, None], ddx[:, None], mass_kg=MASS, gravity=GRAVITY)
+    assert np.abs(force).max() < 1e-12
+
+
+def test_a_partner_who_lifts_is_felt_upwards():
+    _, _, ddx, sensed = carried(intent=7.0)
+    force = interaction_force(sensed[:, None], ddx[:, None], mass_kg=MASS, gravity=GRAVITY)
+    assert np.allclose(force, 7.0, atol=1e-12)
+
+
+def test_weight_acts_along_z_alone():
+    gravity = gravity_along(("x", "y", "z"))
+    force = interaction_force(np.zeros(3), np.array([1.0, 2.0, 0.0]), mass_kg=2.0, load_share=1.0, gravity=gravity)
+    assert np.allclose(force, [2.0, 4.0, 2.0 * STANDARD_GRAVITY], rtol=1e-15)
+
+
+def test_a_recording_of_the_raw_force_becomes_interaction_force():
+    recording = lift(noise=0.0)
+    _, _, ddx = minimum_jerk(recording["hand.position"].time)
+    intent = recording["hand.force"].values[:, 0]
+    sensed = intent - 0.5 * MASS * (ddx + STANDARD_GRAVITY) + 0.3
+    raw = Channel(recording["hand.force"].time, sensed, "N", "task", ("z",))
+    channels = {n: c for n, c in recording.channels.items() if n != "hand.force"} | {"hand.sensor_force": raw}
+    recording = type(recording)(channels, recording.metadata)
+    with pytest.raises(ChannelError, match="needs the payload"):
+        demonstration(recording)
+    lesson = demonstration(recording, payload=Payload(MASS, force_bias_n=(0.3,)))
+    assert np.abs(lesson.force[:, 0] - intent).max() < 0.15
+    assert any("force from eq. (3): mass 5 kg, share 0.5" in n for n in lesson.notes)
+
+
+def estimate(sensed, dx, **options):
+    """The causal force over a whole run, (T,)."""
+    estimator = CausalInteractionForce(DT, mass_kg=MASS, gravity=GRAVITY, **options)
+    obs, out = Observation(1), []
+    for f, v in zip(sensed, dx, strict=True):
+        obs.sensor_force[0], obs.velocity[0] = f, v
+        estimator.step(obs)
+        out.append(float(obs.force[0]))
+    return np.array(out)
+
+
+def test_on_line_the_load_stays_unfelt_within_millinewtons():
+    _, dx, _, sensed = carried()
+    assert np.abs(estimate(sensed, dx)).max() < 5e-3
+
+
+def test_on_line_is_off_line_seen_late():
+    """The causal twin equals the exact force put through the same low-pass, half a tick late."""
+    x, dx, ddx, _ = carried()
+    intent = 8.0 * np.sin(2 * np.pi * 0.7 * TIME)
+    online = estimate(intent - 0.5 * MASS * (ddx + STANDARD_GRAVITY), dx)
+    lowpass = Lowpass(10.0, DT)
+    expected = np.array([lowpass.step(v) for v in np.interp(TIME - 0.5 * DT, TIME, intent)])
+    assert np.abs(online - expected)[20:].max() < 0.02
+    offline = smooth(intent, DT, 10.0)
+    delays = np.arange(0, 12)
+    errors = [np.abs(online[50:] - offline[50 - k : len(offline) - k]).max() for k in delays]
+    assert delays[int(np.argmin(errors))] in (2, 3)  # 0.225 / 10 Hz + dt / 2 = 27 ms
+
+
+@pytest.mark.parametrize("delay", [0.004, 0.005, 0.012, 0.02])
+def test_a_known_sensor_delay_is_matched(delay):
+    _, dx, _, _ = carried()
+    _, _, late = minimum_jerk(TIME - delay)
+    sensed = -0.5 * MASS * (late + STANDARD_GRAVITY)
+    matched = np.abs(estimate(sensed, dx, force_delay_s=delay)).max()
+    assert matched < 0.01
+    assert matched < 0.3 * np.abs(estimate(sensed, dx)).max()
+
+
+@pytest.mark.parametrize("channel", ["sensor_force", "velocity"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e308])
+def test_one_bad_tick_gives_one_nan_and_is_forgotten(channel, value):
+    _, dx, _, sensed = carried(intent=3.0)
+    spoiled = {"sensor_force": sensed.copy(), "velocity": dx.copy()}
+    if channel == "velocity" and value == 1e308:
+        value = -np.inf
+    spoiled[channel][200] = value
+    force = estimate(spoiled["sensor_force"], spoiled["velocity"])
+    assert np.flatnonzero(np.isnan(force)).tolist() == [200]
+    good = estimate(sensed, dx)
+    assert np.nanmax(np.abs(force - good)) < 0.05
+    assert np.abs(force - good)[260:].max() < 1e-6
+
+
+def test_reset_makes_two_runs_equal():
+    estimator = CausalInteractionForce(DT, mass_kg=MASS, gravity=GRAVITY, force_delay_s=0.02)
+    _, dx, _, sensed = carried(intent=2.0)
+    runs = []
+    for _ in range(2):
+        estimator.reset()
+        obs, out = Observation(1), []
+        for f, v in zip(sensed, dx, strict=True):
+            obs.sensor_force[0], obs.velocity[0] = f, v
+            estimator.step(obs)
+            out.append(float(obs.force[0]))
+        runs.append(out)
+    assert runs[0] == runs[1]
+
+
+def noise(size, rng, tau=10):
+    """Sensor noise that remembers itself for about `tau` samples."""
+    white, out = rng.normal(size=size), np.empty(size)
+    keep, state = np.exp(-1.0 / tau), 0.0
+    for i, w in enumerate(white):
+        state = keep * state + np.sqrt(1 - keep**2) * w
+        out[i] = state
+    return out[:, None]
+
+
+def test_the_error_of_a_mean_counts_the_memory_of_the_noise():
+    rng = np.random.default_rng(0)
+    means, errors = zip(*(mean_and_error(noise(1000, rng)) for _ in range(200)), strict=True)
+    true = np.std(means)
+    assert 0.8 * true < np.mean(errors) < 1.2 * true
+    assert true > 3.0 / np.sqrt(1000)  # treating samples as independent would be more than 3 times too sure
+
+
+def test_mass_from_rest_is_footnote_2_and_its_error_is_honest():
+    rng, off = np.random.default_rng(1), []
+    for _ in range(100):
+        payload = identify_payload(-0.5 * MASS * STANDARD_GRAVITY + 0.3 * noise(600, rng), gravity=GRAVITY)
+        off.append((payload.mass_kg - MASS) / payload.mass_std_kg)
+    assert 0.7 < np.std(off) < 1.4
+    assert abs(np.mean(off)) < 0.4
+
+
+def test_two_windows_give_bias_and_mass_one_gives_either():
+    rng = np.random.default_rng(2)
+    empty = 1.7 + 0.1 * noise(500, rng)
+    holding = 1.7 - 0.5 * MASS * STANDARD_GRAVITY + 0.1 * noise(500, rng)
+    both = identify_payload(holding, gravity=GRAVITY, empty=empty)
+    assert abs(both.mass_kg - MASS) < 4 * both.mass_std_kg < 0.1
+    assert abs(both.force_bias_n[0] - 1.7) < 0.1
+    bias = identify_payload(holding, gravity=GRAVITY, mass_kg=MASS)
+    assert abs(bias.force_bias_n[0] - 1.7) < 0.1
+    with pytest.raises(ParameterError, match="one of"):
+        identify_payload(holding, gravity=GRAVITY, mass_kg=MASS, empty=empty)
+
+
+def test_a_mass_that_pulls_upwards_is_a_sign_error():
+    with pytest.raises(ParameterError, match="flip the column's sign"):
+        identify_payload(np.full((100, 1), 24.5), gravity=GRAVITY)
+    with pytest.raises(ParameterError, match="vertical"):
+        identify_payload(np.full((100, 1), 24.5), gravity=gravity_along(("x",)))
+
+
+def test_derivative_and_filter_have_no_delay_off_line():
+    wave = np.sin(2 * np.pi * 1.0 * TIME)
+    slope = 2 * np.pi * np.cos(2 * np.pi * 1.0 * TIME)
+    assert np.abs(smooth(wave, DT, 10.0) - wave)[50:-50].max() < 1e-3
+    assert np.abs(differentiate(wave, DT) - slope).max() < 0.02
+
+
+def test_halving_the_step_quarters_the_derivative_error():
+    def error(dt):
+        time = np.arange(0, 2, dt)
+        return np.abs(differentiate(np.sin(3 * time), dt) - 3 * np.cos(3 * time)).max()
+
+    assert 3.5 < error(0.02) / error(0.01) < 4.5
+
+
+@pytest.mark.parametrize("cutoff", [0.0, -1.0, 45.0, 60.0, np.nan])
+def test_a_cutoff_that_cannot_be_is_refused(cutoff):
+    with pytest.raises(ParameterError, match="allowed: 0 < cutoff < 45 Hz"):
+        Lowpass(cutoff, DT)
+
+
+def test_the_low_pass_has_butterworth_attenuation_and_unit_gain():
+    signal = pytest.importorskip("scipy.signal")
+    from comanip.filters import lowpass_coefficients
+
+    b, a = signal.butter(2, 10.0, fs=100.0)
+    b0, b1, b2, a1, a2 = lowpass_coefficients(10.0, DT)
+    assert np.allclose([b0, b1, b2, 1.0, a1, a2], [*b, *a], rtol=1e-12)
+    section = Lowpass(10.0, DT)
+    assert all(abs(section.step(3.7) - 3.7) < 1e-12 for _ in range(100))
