@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from comanip.alignment import align, warping_path
-from comanip.demonstration import Demonstration, demonstration, demonstrations
+from comanip.demonstration import Demonstration, demonstration
 from comanip.errors import ChannelError, ParameterError, RecordingError
 from comanip.formats import read, write
 from comanip.recording import Channel, Recording
@@ -142,17 +142,16 @@ def test_the_warping_path_is_the_best_of_all_paths(seed):
 
 def test_lessons_of_different_speed_align():
     fast, slow = lift(0), lift(1)
-    time = slow["hand.position"].time * 1.4
-    slow = Recording(
-        {
-            n: Channel(np.arange(0, time[-1], 0.01), np.interp(np.arange(0, time[-1], 0.01), time, c.values[:, 0] / (1.4 if "vel" in n else 1.0)), c.unit, c.frame, c.axes)
-            for n, c in slow.channels.items()
-        },
-        slow.metadata,
-    )  # fmt: skip
+    grid = np.arange(0.0, 1.4 * slow.duration_s, 0.01)
+    stretched = {
+        n: Channel(grid, np.interp(grid / 1.4, c.time, c.values[:, 0]), c.unit, c.frame, c.axes)
+        for n, c in slow.channels.items()
+        if n != "hand.velocity"
+    }
+    slow = Recording(stretched, slow.metadata)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        lessons = demonstrations([fast, slow])
+        lessons = [demonstration(fast), demonstration(slow)]
     aligned = align(lessons, reference=0)
     assert len(aligned[1]) == len(aligned[0])
     assert np.abs(aligned[1].position - aligned[0].position).max() < 0.01

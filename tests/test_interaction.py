@@ -88,7 +88,7 @@ def test_on_line_the_load_stays_unfelt_within_millinewtons():
 
 def test_on_line_is_off_line_seen_late():
     """The causal twin equals the exact force put through the same low-pass, half a tick late."""
-    x, dx, ddx, _ = carried()
+    _, dx, ddx, _ = carried()
     intent = 8.0 * np.sin(2 * np.pi * 0.7 * TIME)
     online = estimate(intent - 0.5 * MASS * (ddx + STANDARD_GRAVITY), dx)
     lowpass = Lowpass(10.0, DT)

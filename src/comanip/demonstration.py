@@ -212,7 +212,7 @@ def _changed(preparation: Preparation | None, changes: Mapping[str, Any]) -> Pre
 
 
 def _where(recording: Recording) -> str:
-    source, name = str(recording.metadata.get("source", "")), str(recording.metadata.get("name", ""))
+    source, name = (" ".join(str(recording.metadata.get(k, "")).splitlines()) for k in ("source", "name"))
     return f"{source} ({name})" if source and name.endswith("]") else source or name or "recording"
 
 
@@ -501,7 +501,7 @@ def check_set(lessons: Sequence[Demonstration], *, role: str | None = None) -> t
         for what, a, b in (
             ("rate", f"{1 / first.dt:g} Hz", f"{1 / other.dt:g} Hz"),
             ("axes", first.axes, other.axes),
-            ("role", first.role, other.role),
+            ("role", first.role or "not stated", other.role or "not stated"),
             ("channels", first.channels, other.channels),
             ("units", dict(first.units), dict(other.units)),
         ):

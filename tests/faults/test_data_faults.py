@@ -139,7 +139,7 @@ def test_d3_drop_bad_never_bridges_a_long_hole():
         spoiled = corrupt(spoiled, "nan", "force", frame)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        with pytest.raises(RecordingError, match="gap 0.11 s after frame 199"):
+        with pytest.raises(RecordingError, match=r"gap 0.11 s after frame 199"):
             demonstration(spoiled, drop_bad=True)
 
 
@@ -339,6 +339,31 @@ def test_d14_an_empty_file_is_refused(tmp_path, content):
         read(path)
 
 
+# D15 ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "head"), [("a.csv", b"t,z\n0,1\n"), ("a.mcap", b"\x89MCAP0\r\n"), ("a.npy", b"\x93NUMPY")]
+)
+def test_d15_a_huge_file_is_refused_with_the_limit_before_it_is_read(tmp_path, name, head):
+    path = tmp_path / name
+    with path.open("wb") as out:
+        out.write(head)
+        out.truncate(10 << 30)  # sparse: takes no room
+    start = time.perf_counter()
+    with pytest.raises(RecordingError, match=r"10240 MB; the limit for \w+ is \d+ MB"):
+        read(path)
+    assert time.perf_counter() - start < 0.1
+
+
+def test_d15_an_archive_that_unpacks_to_gigabytes_is_refused(tmp_path):
+    path = tmp_path / "a.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("z.npy", bytes(300 << 20))
+    with pytest.raises(RecordingError, match="unpacks to 300 MB; the limit is 256 MB"):
+        read(path, Columns(position="z", rate_hz=100))
+
+
 # D16, D17 -----------------------------------------------------------------------------------------------------------
 
 
@@ -349,6 +374,14 @@ def test_d16_any_name_that_the_disk_takes_works(tmp_path, name):
     write(lift(), tmp_path / name)
     (recording,) = read(tmp_path / name)
     assert np.array_equal(recording["hand.force"].values, lift()["hand.force"].values)
+
+
+def test_d16_an_error_stays_on_one_line_whatever_the_name(tmp_path):
+    path = tmp_path / "a\nb.csv"
+    path.write_text("t,z\n0,1,2\n")
+    with pytest.raises(RecordingError) as error:
+        read(path)
+    one_line(error)
 
 
 def test_d16_a_name_that_the_disk_refuses_is_an_error(tmp_path):

@@ -8,14 +8,16 @@ from __future__ import annotations
 import codecs
 from pathlib import Path
 
-from ..errors import ParameterError, RecordingError
+from ..errors import ComanipError, ParameterError, RecordingError
 from ..recording import Recording
 from .columns import Columns
 
 __all__ = ["Columns", "read", "write"]
 
-MAX_BYTES = 1 << 30  # a file is read whole: 1 GiB is a day of 1-D lifting at 100 Hz
+# A file is read whole and takes several times its size meanwhile: these keep that near half a gigabyte.
+MAX_BYTES = {"text": 64 << 20, "mcap": 128 << 20, "arrays": 256 << 20}
 _MCAP = b"\x89MCAP0\r\n"
+_ARRAYS = (b"\x93NUMPY", b"PK\x03\x04", b"MATLAB 5.0")
 _FOREIGN_TEXT = ("<", "{\\rtf", "%PDF", "%!PS")
 
 
@@ -32,12 +34,26 @@ def read(path: str | Path, columns: Columns | None = None, *, recover: bool = Fa
     try:
         if path.is_dir():
             return _read_directory(path, columns)
-        if path.stat().st_size > MAX_BYTES:
-            raise RecordingError(f"{path}: {path.stat().st_size} bytes; the limit is {MAX_BYTES}: cut it into takes")
-        data = path.read_bytes()
+        return _read_bytes(path, _bytes(path), columns, recover)
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror or error}") from None
-    return _read_bytes(path, data, columns, recover)
+    except ComanipError as error:
+        if "\n" not in str(error):
+            raise
+        raise type(error)(" ".join(str(error).splitlines())) from None  # a file name may hold a line break
+
+
+def _bytes(path: Path) -> bytes:
+    """The whole file, unless it is beyond what may be read whole."""
+    with path.open("rb") as stream:
+        head = stream.read(19)
+        kind = "mcap" if head[:8] == _MCAP else "arrays" if head.startswith(_ARRAYS) else "text"
+        size, limit = path.stat().st_size, MAX_BYTES[kind]
+        if size > limit:
+            raise RecordingError(
+                f"{path}: {size >> 20} MB; the limit for {kind} is {limit >> 20} MB: cut it into takes"
+            )
+        return head + stream.read()
 
 
 def _read_bytes(path: Path, data: bytes, columns: Columns, recover: bool) -> tuple[Recording, ...]:
@@ -84,7 +100,7 @@ def _read_directory(path: Path, columns: Columns) -> tuple[Recording, ...]:
     files = sorted(p for p in path.iterdir() if p.suffix.lower() in (".csv", ".tsv"))
     if not files:
         raise RecordingError(f"{path}: a directory without .csv files; name a file, or a directory of CSV files")
-    return assemble(CsvDirectory(path, {f.stem: CsvTable(f, _text(f, f.read_bytes())) for f in files}), columns)
+    return assemble(CsvDirectory(path, {f.stem: CsvTable(f, _text(f, _bytes(f))) for f in files}), columns)
 
 
 def write(recording: Recording, path: str | Path) -> None:

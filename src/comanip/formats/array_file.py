@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from ..errors import ChannelError, RecordingError
 from ..interfaces import Array
 from .columns import sign_and_name, unknown
 
+MAX_UNPACKED = 256 << 20
 _TOKEN = re.compile(r"\[([^\]]*)\]|\.?([^.\[\]]+)")
 
 
@@ -96,12 +98,19 @@ def _leaves(name: str, value: Any) -> list[str]:
 def read_numpy(path: Path) -> ArrayTree:
     """A .npy (one array, its columns by index) or .npz (arrays by name)."""
     try:
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as archive:
+                declared = sum(entry.file_size for entry in archive.infolist())
+            if declared > MAX_UNPACKED:
+                raise RecordingError(
+                    f"{path}: unpacks to {declared >> 20} MB; the limit is {MAX_UNPACKED >> 20} MB: cut it into takes"
+                )
         loaded = np.load(path, allow_pickle=False)
         tree = {"array": loaded} if isinstance(loaded, np.ndarray) else {key: loaded[key] for key in loaded.files}
-    except (ValueError, OSError, EOFError, KeyError, MemoryError, RuntimeError) as error:
+    except RecordingError:
+        raise
+    except Exception as error:  # numpy, zipfile and zlib raise their own kinds on damaged input
         raise RecordingError(f"{path}: not readable as numpy arrays: {_line(error)}") from None
-    except Exception as error:  # zipfile and zlib raise their own kinds on damaged input
-        raise RecordingError(f"{path}: damaged: {_line(error)}") from None
     return ArrayTree(path, tree)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
@@ -106,10 +106,6 @@ class Columns:
     def mapped(self) -> dict[str, tuple[str, ...]]:
         """Kind -> expressions, of the canonical signals that were named."""
         return {kind: getattr(self, kind) for kind in NAME if getattr(self, kind)}
-
-    @property
-    def is_empty(self) -> bool:
-        return all(getattr(self, f.name) in (None, (), {}) for f in fields(self))
 
     def unit(self, kind: str) -> str | None:
         return getattr(self, f"{'force' if kind == 'sensor_force' else kind}_unit", None)

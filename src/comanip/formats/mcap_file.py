@@ -125,7 +125,7 @@ class Walk:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     schemas: dict[int, Any] = field(default_factory=dict)
     channels: dict[int, Any] = field(default_factory=dict)
-    messages: dict[int, list[Any]] = field(default_factory=dict)
+    messages: dict[int, list[tuple[int, bytes]]] = field(default_factory=dict)  # channel -> (log time [ns], data)
     complete: bool = False
     faults: list[str] = field(default_factory=list)
 
@@ -224,7 +224,7 @@ def _take(walk: Walk, opcode: int, body: bytes) -> None:
         walk.messages.setdefault(channel.id, [])
     elif opcode == _MESSAGE:
         message = Message.read(stream, len(body))
-        walk.messages.setdefault(message.channel_id, []).append(message)
+        walk.messages.setdefault(message.channel_id, []).append((message.log_time, message.data))
     elif opcode == _CHUNK:
         chunk = Chunk.read(stream)
         inner = _unpacked(chunk)
@@ -302,8 +302,8 @@ def _own(path: Path, walk: Walk, recover: bool) -> Recording:
         try:
             name, unit, frame, axes = json.loads(mcap_channel.metadata[RECORD])
             messages = walk.messages.get(channel_id, [])
-            values = cdr.decode(walk.schemas[mcap_channel.schema_id].name, axes, [m.data for m in messages])
-            time = np.array([(m.log_time + shift) / 1e9 for m in messages])
+            values = cdr.decode(walk.schemas[mcap_channel.schema_id].name, axes, [data for _, data in messages])
+            time = np.array([(ns + shift) / 1e9 for ns, _ in messages])
             channels[name] = Channel(time, values, unit, frame, tuple(axes))
         except (KeyError, ValueError, TypeError, RecordingError) as error:
             _fault(path, walk, f"channel {mcap_channel.topic!r}: {error}", recover)

@@ -35,12 +35,12 @@ def foreign(path: Path, walk: Walk) -> Recording:
             notes.append(f"{mcap_channel.topic} left out: {what}")
             continue
         try:
-            decoded = [decoder(m.data) for m in messages]
+            decoded = [decoder(data) for _, data in messages]
         except Exception as error:  # the decoder raises what its parsers raise
             raise RecordingError(f"{path}: {mcap_channel.topic}: cannot be decoded: {error}") from None
         stamps = [_stamp(d) for d in decoded]
         use_header = all(stamps)
-        time = np.array([s if use_header else m.log_time / 1e9 for s, m in zip(stamps, messages, strict=True)])
+        time = np.array([s if use_header else ns / 1e9 for s, (ns, _) in zip(stamps, messages, strict=True)])
         notes.append(f"{mcap_channel.topic}: stamps from the {'headers' if use_header else 'log'}")
         channels |= _channels(mcap_channel.topic, schema.name, time, decoded, notes)
     if not channels:
