@@ -9,7 +9,8 @@ import csv
 import io
 import json
 import re
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,47 +27,48 @@ _NUMBER = re.compile(
 
 
 class CsvTable:
-    """The cells of one file; a column becomes numbers when it is asked for, so text columns do no harm."""
+    """The lines of one file; a column becomes numbers when it is asked for, so text columns do no harm."""
 
     def __init__(self, path: Path, text: str) -> None:
         self.path = path
         self.notes: list[str] = []
-        lines, comments = _lines(text)
-        if not lines:
+        self._lines, self._numbers, comments, blank = _lines(text)
+        if blank:
+            self.notes.append(f"{blank} rows without any value left out")
+        if not self._lines:
             raise RecordingError(f"{path}: no frames: the file holds no line of numbers")
-        separator = _separator([line for _, line in lines[:20]])
-        rows = [(number, _cells(line, separator)) for number, line in lines]
-        self._names = self._header(rows, comments, separator)
-        self._decimal_comma = separator != "," and any("," in c for _, r in rows[:20] for c in r if _NUMBER.match(c))
+        self._separator = _separator(self._lines[:20])
+        self._names = self._header(comments)
+        sample = [cell for row in self._cells(20) for cell in row]
+        self._decimal_comma = self._separator != "," and any("," in cell and _NUMBER.match(cell) for cell in sample)
         if self._decimal_comma:
             self.notes.append("decimal commas read as points")
         width = len(self._names)
-        for number, row in rows:
+        for number, row in zip(self._numbers, self._cells(), strict=True):
             if len(row) != width:
                 raise RecordingError(f"{path}: line {number} has {len(row)} cells, want {width}: ragged table")
-        self._rows = rows
-        if not rows:
+        if not self._lines:
             raise RecordingError(f"{path}: no frames: the file holds a header and nothing else")
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return len(self._lines)
 
-    def _header(
-        self, rows: list[tuple[int, list[str]]], comments: Sequence[tuple[int, str]], separator: str
-    ) -> list[str]:
-        """Column names, taken off `rows` or from the comment just above them (numpy.savetxt writes it so)."""
-        first_line, first = rows[0]
+    def _cells(self, count: int | None = None) -> Iterator[list[str]]:
+        return _cut(self._lines[:count] if count is not None else self._lines, self._separator)
+
+    def _header(self, comments: Sequence[tuple[int, str]]) -> list[str]:
+        """Column names, taken off the lines or from the comment just above them (numpy.savetxt writes it so)."""
+        first, *second = self._cells(2)
         if not all(_NUMBER.match(cell) for cell in first):
-            rows.pop(0)
-            names = [cell.strip() for cell in first]
-            if rows and (units := _units_row(rows[0][1])):
+            names, units = [cell.strip() for cell in first], _units_row(second[0]) if second else []
+            if units:
                 names = [f"{n} [{u}]" if u else n for n, u in zip(names, units, strict=False)]
-                rows.pop(0)
                 self.notes.append("second line read as units")
+            del self._lines[: 2 if units else 1], self._numbers[: 2 if units else 1]
             return names
-        above = [text for number, text in comments if number == first_line - 1]
+        above = [text for number, text in comments if number == self._numbers[0] - 1]
         if above:
-            names = [cell.strip() for cell in _cells(above[0].lstrip("#% \t"), separator)]
+            names = [cell.strip() for cell in next(_cut([above[0].lstrip("#% \t")], self._separator), [])]
             if len(names) == len(first) and not all(_NUMBER.match(n) for n in names):
                 return names
         return [str(i) for i in range(len(first))]
@@ -82,14 +84,14 @@ class CsvTable:
     def column(self, name: str) -> Array:
         """Numbers of a column by header, header without its unit, or index; blank cells are NaN."""
         at = self._index(name)
-        values = np.empty(len(self._rows))
-        for i, (number, row) in enumerate(self._rows):
+        values = np.empty(len(self._lines))
+        for i, row in enumerate(self._cells()):
             cell = row[at].strip()
             try:
                 values[i] = float(cell.replace(",", ".") if self._decimal_comma else cell) if cell else np.nan
             except ValueError:
                 raise RecordingError(
-                    f"{self.path}: column {name!r}, frame {i} (line {number}): {cell!r} is not a number"
+                    f"{self.path}: column {name!r}, frame {i} (line {self._numbers[i]}): {cell!r} is not a number"
                 ) from None
         return values
 
@@ -133,29 +135,34 @@ class CsvDirectory:
         return [sign * self.tables[stem].column(name[len(stem) + 1 :])[:, None]]
 
 
-def _lines(text: str) -> tuple[list[tuple[int, str]], list[tuple[int, str]]]:
-    """(numbered lines with content, numbered comments)."""
-    lines, comments = [], []
-    for number, line in enumerate(io.StringIO(text, newline=None), start=1):
-        line = line.rstrip("\n")
+def _lines(text: str) -> tuple[list[str], array[int], list[tuple[int, str]], int]:
+    """(lines with content, their numbers, numbered comments, how many rows hold separators alone)."""
+    lines, numbers, comments, blank = [], array("L"), [], 0
+    for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1):
         if line.lstrip().startswith(("#", "%")):
             comments.append((number, line.strip()))
         elif line.strip(" \t,;"):
-            lines.append((number, line))
-    return lines, comments
+            lines.append(line)
+            numbers.append(number)
+        else:
+            blank += bool(line.strip())
+    return lines, numbers, comments, blank
 
 
 def _separator(lines: Sequence[str]) -> str:
     """The separator that cuts all lines into the same number (> 1) of cells; "" means blanks."""
     for separator in (";", "\t", ",", ""):
-        widths = {len(_cells(line, separator)) for line in lines}
+        widths = {len(row) for row in _cut(lines, separator)}
         if len(widths) == 1 and widths.pop() > 1:
             return separator
     return next((s for s in (";", "\t", ",") if s in lines[0]), "" if " " in lines[0].strip() else ",")
 
 
-def _cells(line: str, separator: str) -> list[str]:
-    return line.split() if not separator else next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+def _cut(lines: Sequence[str], separator: str) -> Iterator[list[str]]:
+    """Cells of each line."""
+    if not separator:
+        return (line.split() for line in lines)
+    return iter(csv.reader(lines, delimiter=separator, skipinitialspace=True))
 
 
 def _units_row(row: Sequence[str]) -> list[str]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import struct
 import warnings
 import zlib
 from dataclasses import dataclass, field
@@ -27,6 +28,7 @@ MAX_CHUNK = 16 << 20  # bytes a chunk may unpack to
 RECORD = "comanip"
 VERSION = 1
 _MAGIC = b"\x89MCAP0\r\n"
+_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _DATA_END, _CHUNK, _METADATA, _SCHEMA, _CHANNEL, _MESSAGE, _FOOTER = 0x0F, 0x06, 0x0C, 0x03, 0x04, 0x05, 0x02
 
 
@@ -208,8 +210,14 @@ def _check_end(path: Path, walk: Walk, data: bytes, body: int, length: int, crc:
 
 
 def _take(walk: Walk, opcode: int, body: bytes) -> None:
+    if opcode == _MESSAGE:  # by far the most frequent: parsed here
+        channel_id, _, log_time, _ = _MESSAGE_HEAD.unpack_from(body)
+        walk.messages.setdefault(channel_id, []).append((log_time, body[_MESSAGE_HEAD.size :]))
+        return
+    if opcode not in (_METADATA, _SCHEMA, _CHANNEL, _CHUNK):
+        return
     from mcap.records import Channel as McapChannel
-    from mcap.records import Chunk, Message, Metadata, Schema
+    from mcap.records import Chunk, Metadata, Schema
 
     stream = _stream(body)
     if opcode == _METADATA:
@@ -222,15 +230,12 @@ def _take(walk: Walk, opcode: int, body: bytes) -> None:
         channel = McapChannel.read(stream)
         walk.channels[channel.id] = channel
         walk.messages.setdefault(channel.id, [])
-    elif opcode == _MESSAGE:
-        message = Message.read(stream, len(body))
-        walk.messages.setdefault(message.channel_id, []).append((message.log_time, message.data))
     elif opcode == _CHUNK:
         chunk = Chunk.read(stream)
         inner = _unpacked(chunk)
         at = 0
         found = Walk()
-        while at < len(inner):
+        while at + 9 <= len(inner):
             length = int.from_bytes(inner[at + 1 : at + 9], "little")
             if at + 9 + length > len(inner):
                 raise RecordingError("a record inside is longer than the chunk")
