@@ -117,12 +117,12 @@ def test_one_bad_tick_gives_one_nan_and_is_forgotten(channel, value):
     spoiled = {"sensor_force": sensed.copy(), "velocity": dx.copy()}
     if channel == "velocity" and value == 1e308:
         value = -np.inf
-    spoiled[channel][200] = value
+    spoiled[channel][130] = value
     force = estimate(spoiled["sensor_force"], spoiled["velocity"])
-    assert np.flatnonzero(np.isnan(force)).tolist() == [200]
+    assert np.flatnonzero(np.isnan(force)).tolist() == [130]
     good = estimate(sensed, dx)
-    assert np.nanmax(np.abs(force - good)) < 0.05
-    assert np.abs(force - good)[260:].max() < 1e-6
+    assert np.nanmax(np.abs(force - good)) < 0.03
+    assert np.abs(force - good)[200:].max() < 1e-6
 
 
 def test_reset_makes_two_runs_equal():

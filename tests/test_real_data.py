@@ -38,6 +38,11 @@ def test_the_panda_file_holds_six_recordings_of_three_axes(panda):
     assert panda[0]["hand.position"].values[0, 0] == pytest.approx(-0.52062329, rel=1e-8)
 
 
+def test_the_panda_file_needs_no_names(panda):
+    for a, b in zip(read(shared("panda_comanip/symbol_17.mat"), Columns(rate_hz=1000)), panda, strict=True):
+        assert all(np.array_equal(a[n].values, b[n].values) for n in b.channels)
+
+
 def test_the_panda_rate_is_found_to_be_wrong_by_1_4(panda):
     for recording in panda:
         with pytest.warns(ComanipWarning, match=r"disagrees with d\(position\)/dt by x 1\.4\d*x, y 1\.4\d*x") as said:

@@ -45,7 +45,7 @@ def text(header="time,z,vz,Fz", separator=",", decimal=".", end="\n"):
         text("t,pos_z,vel_z,force_z"),
         text("timestamp,position,velocity,force"),
         text('"time","z","vz","Fz"'),
-        text("time,z,vz,Fz").replace("time,z,vz,Fz\n", "time,z,vz,Fz\ns,m,m/s,N\n"),
+        text().replace("time,z,vz,Fz\n", "time,z,vz,Fz\ns,m,m/s,N\n"),
         "\n" + text() + "\n\n",
     ],
 )
@@ -151,6 +151,27 @@ def test_units_are_converted_and_said(tmp_path, header, flags):
     assert (recording["hand.position"].unit, recording["hand.force"].unit) == ("m", "N")
     assert demonstration(recording).dt == 0.01
     assert any("hand.position converted from mm to m" in n for n in recording.metadata["notes"])
+
+
+def test_the_unit_in_a_header_counts_however_the_column_is_named(tmp_path):
+    path = tmp_path / "a.csv"
+    np.savetxt(path, 1e3 * table(), delimiter=",", header="time [ms],z [mm],vz [mm/s],Fz [mN]", comments="")
+    for position, force, time in (
+        ("z", "Fz", "time"),
+        ("Z", "fz", "TIME"),
+        ("1", "3", "0"),
+        ("z [mm]", "Fz [mN]", "time [ms]"),
+    ):
+        (recording,) = read(path, Columns(position=position, force=force, time=time))
+        assert np.allclose(recording["hand.position"].values[:, 0], table()[:, 1], rtol=1e-12)
+        assert np.allclose(recording["hand.force"].values[:, 0], table()[:, 3], rtol=1e-12)
+        assert np.allclose(recording["hand.force"].time, table()[:, 0], rtol=1e-12)
+
+
+def test_a_header_in_a_comment_may_use_other_separators(tmp_path):
+    path = tmp_path / "a.csv"
+    np.savetxt(path, table(), delimiter=",", header="time z vz Fz")
+    assert np.array_equal(read(path)[0]["hand.force"].values[:, 0], table()[:, 3])
 
 
 def test_a_wrong_name_lists_the_columns_and_guesses(tmp_path):

@@ -15,7 +15,7 @@ from .columns import Columns
 __all__ = ["Columns", "read", "write"]
 
 # A file is read whole and takes several times its size meanwhile: these keep that near half a gigabyte.
-MAX_BYTES = {"text": 64 << 20, "mcap": 128 << 20, "arrays": 256 << 20}
+MAX_BYTES = {"text": 48 << 20, "mcap": 96 << 20, "arrays": 256 << 20}
 _MCAP = b"\x89MCAP0\r\n"
 _ARRAYS = (b"\x93NUMPY", b"PK\x03\x04", b"MATLAB 5.0")
 _FOREIGN_TEXT = ("<", "{\\rtf", "%PDF", "%!PS")

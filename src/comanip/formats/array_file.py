@@ -42,6 +42,9 @@ class ArrayTree:
             ]
         return [sign * self._numeric(name, found) for found in self._walk(name, tokens)]
 
+    def unit(self, expression: str) -> str:
+        return ""  # arrays carry none
+
     def _walk(self, name: str, tokens: list[tuple[str, str]]) -> list[Any]:
         here: list[Any] = [self._tree]
         for index, key in tokens:

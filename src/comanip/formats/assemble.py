@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -22,7 +22,6 @@ from .columns import (
     recognise_time,
     sign_and_name,
     to_si,
-    unit_in,
     unknown,
 )
 
@@ -38,6 +37,10 @@ class Source(Protocol):
 
     def find(self, expression: str) -> list[Array]:
         """Arrays (T, k), or (k, T) where the file keeps time last; one a recording. ChannelError lists the names."""
+        ...
+
+    def unit(self, expression: str) -> str:
+        """The unit that the file itself states for a column ("z [mm]"), "" when it states none."""
         ...
 
 
@@ -83,7 +86,7 @@ def _completed(source: Source, columns: Columns, notes: list[str]) -> Columns:
         )
     if columns.mapped:
         return columns
-    obvious = recognise(source.names)
+    obvious = recognise(source.names) or _by_last_name(source.names)
     axes = _common_axes(obvious, notes)
     if not obvious and not columns.extra:
         raise ChannelError(
@@ -97,6 +100,14 @@ def _completed(source: Source, columns: Columns, notes: list[str]) -> Columns:
             columns = replace(columns, **changes)
             notes.append(f"columns {', '.join(chosen)} taken as {kind}")
     return columns if columns.axes or axes == ("",) else replace(columns, axes=axes)
+
+
+def _by_last_name(names: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Recognises "symbol_data[i].pos" by its "pos", when no two columns end alike."""
+    leaves = {n.rsplit(".", 1)[-1]: n.replace("[i]", "") for n in names}
+    if len(leaves) != len(names):
+        return {}
+    return {kind: {axis: leaves[n] for axis, n in by.items()} for kind, by in recognise(leaves).items()}
 
 
 def _common_axes(obvious: Mapping[str, Mapping[str, str]], notes: list[str]) -> tuple[str, ...]:
@@ -135,7 +146,7 @@ def _recording(
         notes.append(f"no stamps: frame i is taken to be at i / {columns.rate_hz:g} s")
     kinds = {NAME[kind]: kind for kind in NAME}
     channels = {
-        channel: _channel(f"{source.path}: {channel}", kinds.get(channel, ""), time, array, columns, channel, notes)
+        channel: _channel(source, kinds.get(channel, ""), time, array, columns, channel, notes)
         for channel, array in values.items()
     }
     if columns.extra:
@@ -149,7 +160,7 @@ def _time(source: Source, columns: Columns, stamps: Array | None, notes: list[st
     array = np.asarray(stamps, dtype=np.float64).squeeze()
     if array.ndim != 1:
         raise ChannelError(f"{source.path}: time {columns.time!r} has shape {stamps.shape}; allowed: one column")
-    unit = columns.time_unit or unit_in(columns.time or "")[1] or "s"
+    unit = columns.time_unit or source.unit(columns.time or "") or "s"
     factor = to_si(unit, "time")[1]
     if factor != 1.0:
         notes.append(f"time converted from {unit} to s")
@@ -180,8 +191,9 @@ def _stacked(where: str, arrays: list[Array], frames: int | None, notes: list[st
 
 
 def _channel(
-    where: str, kind: str, time: Array, values: Array, columns: Columns, channel: str, notes: list[str]
+    source: Source, kind: str, time: Array, values: Array, columns: Columns, channel: str, notes: list[str]
 ) -> Channel:
+    where = f"{source.path}: {channel}"
     expressions = getattr(columns, kind) if kind else columns.extra[channel]
     base = "force" if kind == "sensor_force" else kind
     if len(time) != len(values):
@@ -193,8 +205,8 @@ def _channel(
         raise ChannelError(f"{where}: {values.shape[1]} columns for the axes {', '.join(axes)}; map one column an axis")
     if not kind:
         axes = axes if len(axes) == values.shape[1] else ()
-        return Channel(time, values, _said_unit(expressions), "task", axes)
-    said = columns.unit(kind) or _said_unit(expressions)
+        return Channel(time, values, _said_unit(source, expressions), "task", axes)
+    said = columns.unit(kind) or _said_unit(source, expressions)
     unit, factor = to_si(said, base) if said else (_default_unit(base, columns), 1.0)
     if factor != 1.0:
         notes.append(f"{channel} converted from {said} to {unit}")
@@ -210,10 +222,15 @@ def _default_unit(kind: str, columns: Columns) -> str:
     return KINDS[kind][0]
 
 
-def _said_unit(expressions: tuple[str, ...]) -> str:
-    """The unit that the headers themselves state ("z [mm]"), when they agree."""
-    units = {unit_in(e)[1] for e in expressions}
-    return units.pop() if len(units) == 1 else ""
+def _said_unit(source: Source, expressions: tuple[str, ...]) -> str:
+    """The unit that the file states for all of these columns, "" when it states none."""
+    units = {source.unit(e) for e in expressions}
+    if len(units) > 1:
+        raise ChannelError(
+            f"{source.path}: {', '.join(expressions)} are in different units ({', '.join(sorted(units))}); "
+            "bring them to one unit first"
+        )
+    return units.pop() if units else ""
 
 
 def remapped(path: Path, recording: Recording, columns: Columns) -> Recording:

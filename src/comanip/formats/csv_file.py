@@ -68,9 +68,10 @@ class CsvTable:
             return names
         above = [text for number, text in comments if number == self._numbers[0] - 1]
         if above:
-            names = [cell.strip() for cell in next(_cut([above[0].lstrip("#% \t")], self._separator), [])]
-            if len(names) == len(first) and not all(_NUMBER.match(n) for n in names):
-                return names
+            for separator in (self._separator, "", ",", ";"):
+                names = [cell.strip() for cell in next(_cut([above[0].lstrip("#% \t")], separator), [])]
+                if len(names) == len(first) and not all(_NUMBER.match(n) for n in names):
+                    return names
         return [str(i) for i in range(len(first))]
 
     @property
@@ -80,6 +81,9 @@ class CsvTable:
     def find(self, expression: str) -> list[Array]:
         sign, name = sign_and_name(expression, self._names)
         return [sign * self.column(name)[:, None]]
+
+    def unit(self, expression: str) -> str:
+        return unit_in(self._names[self._index(sign_and_name(expression, self._names)[1])])[1]
 
     def column(self, name: str) -> Array:
         """Numbers of a column by header, header without its unit, or index; blank cells are NaN."""
@@ -128,11 +132,19 @@ class CsvDirectory:
         return tuple(f"{stem}.{name}" for stem, table in self.tables.items() for name in table.names)
 
     def find(self, expression: str) -> list[Array]:
+        sign, table, name = self._split(expression)
+        return [sign * table.column(name)[:, None]]
+
+    def unit(self, expression: str) -> str:
+        _, table, name = self._split(expression)
+        return table.unit(name)
+
+    def _split(self, expression: str) -> tuple[float, CsvTable, str]:
         sign, name = sign_and_name(expression, self.names)
         stem = next((s for s in sorted(self.tables, key=len, reverse=True) if name.startswith(s + ".")), None)
         if stem is None:
             raise unknown(str(self.path), name, self.names)
-        return [sign * self.tables[stem].column(name[len(stem) + 1 :])[:, None]]
+        return sign, self.tables[stem], name[len(stem) + 1 :]
 
 
 def _lines(text: str) -> tuple[list[str], array[int], list[tuple[int, str]], int]:
