@@ -9,7 +9,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .checks import (
     MAX_RATE_RATIO,
@@ -26,16 +25,18 @@ from .checks import (
     rest_frames,
     suspect,
 )
+from .clocks import one_rate
 from .errors import ChannelError, ParameterError, RecordingError
-from .filters import MAX_CUTOFF, differentiate, integrate, resample, smooth
+from .filters import MAX_CUTOFF, differentiate, integrate, smooth
 from .interaction import Payload, gravity_along, interaction_force
 from .interfaces import Array
+from .lessons import check_set, missing, require
 from .recording import Channel, Recording, expand, frozen
+
+__all__ = ["Demonstration", "Preparation", "check_set", "demonstration", "demonstrations", "require"]
 
 _ORDER = ("position", "force", "velocity")  # the paper's order of the datapoint
 _KIND = {"position": "position", "velocity": "velocity", "force": "force", "sensor_force": "force"}
-Frames = NDArray[np.int64]
-_ON_GRID = 1e-3  # of a period: stamps this close to a regular grid count as regular
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,11 +119,6 @@ class Demonstration:
     def force(self) -> Array:
         """(T, d) interaction force F, partner on hand [N]."""
         return self["force"]
-
-
-def missing(name: str, signals: Iterable[str], where: str) -> str:
-    hint = "; learn without force: position and velocity only" if name == "force" else ""
-    return f"{where}: no {name!r}; found {', '.join(signals) or 'nothing'}{hint}"
 
 
 @dataclass(frozen=True)
@@ -307,7 +303,7 @@ def _prepared(
     notes: list[str],
     where: str,
 ) -> Demonstration:
-    dt, signals = _one_rate(channels, chosen.rate_hz or recording.metadata.get("rate_hz"), where, notes)
+    dt, signals = one_rate(channels, chosen.rate_hz or recording.metadata.get("rate_hz"), where, notes)
     axes = channels["position" if "position" in channels else "velocity"].axes
     units = {n: c.unit for n, c in channels.items()}
     cutoff = _cutoff(chosen.cutoff_hz, dt, notes)
@@ -326,84 +322,6 @@ def _prepared(
     extra_axes = {n: c.axes for n, c in channels.items() if n in ordered and n not in _KIND}
     source = str(recording.metadata.get("source", ""))
     return Demonstration(name, dt, ordered, axes, role, source, units, tuple(notes), extra_axes)
-
-
-def _one_rate(
-    channels: Mapping[str, Channel], asked: float | None, where: str, notes: list[str]
-) -> tuple[float, dict[str, Array]]:
-    """(dt, values of every channel on one grid). Values are untouched when the stamps are that grid already."""
-    regular = {n: _regular(c) for n, c in channels.items()}
-    rates = {n: 1.0 / dt for n, (dt, _) in regular.items()}
-    slow, fast = min(rates, key=rates.__getitem__), max(rates, key=rates.__getitem__)
-    if rates[fast] > MAX_RATE_RATIO * rates[slow] * 1.01:
-        raise RecordingError(
-            f"{where}: {fast} at {rates[fast]:.4g} Hz and {slow} at {rates[slow]:.4g} Hz: more than {MAX_RATE_RATIO:g} "
-            "times apart; resample one of them first"
-        )
-    rate = float(asked) if asked else rates[slow]
-    if rate > MAX_RATE_RATIO * rates[slow] * 1.01:
-        raise RecordingError(
-            f"{where}: {slow} has stamps at {rates[slow]:.4g} Hz, {rate:g} Hz was asked for: a frame counter? "
-            'ignore the stamps with time="none", or state another rate'
-        )
-    dt = regular[slow][0] if not asked or abs(rate * regular[slow][0] - 1.0) < 1e-9 else 1.0 / rate
-    first = next(iter(channels.values())).time
-    if all(even and np.array_equal(channels[n].time, first) and own == dt for n, (own, even) in regular.items()):
-        return dt, {n: np.array(c.values) for n, c in channels.items()}
-    start, stop = max(c.time[0] for c in channels.values()), min(c.time[-1] for c in channels.values())
-    if stop - start < 3.0 * dt:
-        spans = ", ".join(f"{n} {c.time[0]:.3f}-{c.time[-1]:.3f} s" for n, c in channels.items())
-        raise RecordingError(f"{where}: the channels hardly overlap in time ({spans}); they need one clock")
-    grid = start + dt * np.arange(int((stop - start) / dt + 1e-6) + 1)
-    signals = {}
-    for n, c in channels.items():
-        own, even = regular[n]
-        cutoff = 0.4 * rate if rates[n] > 1.5 * rate else None
-        signals[n] = resample(c.time, c.values, grid, cutoff_hz=cutoff)
-        how = f"zero-phase low-pass {cutoff:.4g} Hz, then linear" if cutoff else "linear"
-        lost = int((_steps(c) - 1).sum())
-        jitter = "" if even else f" with stamps up to {_jitter(c, own) * 1e3:.2g} ms off"
-        jitter += f" and {lost} frames missing" if lost else ""
-        notes.append(f"{n}: resampled from {rates[n]:.6g} Hz{jitter} to {rate:.6g} Hz ({how})")
-        if not even and _jitter(c, own) > 0.5 * own:
-            suspect(
-                notes, f"{where}: {n}: stamps are up to {_jitter(c, own) * 1e3:.3g} ms off a regular {rates[n]:.4g} Hz"
-            )
-    return dt, signals
-
-
-def _regular(channel: Channel) -> tuple[float, bool]:
-    """(period [s], whether the stamps are a regular grid). A period that jitters is rounded to a rate people use."""
-    steps = _steps(channel)
-    dt = float(channel.time[-1] - channel.time[0]) / int(steps.sum())
-    rate = round(1.0 / dt, 3)
-    if rate > 0.0 and abs(rate * dt - 1.0) * len(steps) < _ON_GRID:
-        dt = 1.0 / rate  # 0.01 and not 0.010000000000000002
-    if (steps == 1).all() and _jitter(channel, dt) <= _ON_GRID * dt:
-        return dt, True
-    nice = round(1.0 / dt)
-    return (1.0 / nice if nice and abs(nice * dt - 1.0) < 0.01 else dt), False
-
-
-def _steps(channel: Channel) -> Frames:
-    """Periods from each stamp to the next, more than one where frames are missing; (T - 1,).
-
-    Each stamp is held against a running estimate of the grid, not against its neighbour: two neighbours that jitter by
-    0.3 periods each, apart, would look like a missing frame.
-    """
-    dt, grid, steps = period(channel), float(channel.time[0]), []
-    for stamp in channel.time[1:].tolist():
-        step = max(1, round((stamp - grid) / dt))
-        grid += step * dt
-        grid += 0.1 * (stamp - grid)  # follows drift, averages jitter
-        steps.append(step)
-    return np.array(steps, dtype=np.int64)
-
-
-def _jitter(channel: Channel, dt: float) -> float:
-    """How far stamps lie off a regular grid at most [s]."""
-    off = channel.time - dt * np.concatenate([[0], np.cumsum(_steps(channel))])
-    return float(np.abs(off - np.median(off)).max())
 
 
 def _cutoff(cutoff_hz: float, dt: float, notes: list[str]) -> float:
@@ -478,58 +396,3 @@ def _trimmed(signals: dict[str, Array], dt: float, keep_s: float | None, notes: 
         return signals
     notes.append(f"trimmed rest: {first * dt:.3g} s at the start, {(frames - last) * dt:.3g} s at the end")
     return {n: v[first:last] for n, v in signals.items()}
-
-
-def require(lessons: Sequence[Demonstration], channels: Iterable[str], *, min_frames: int = 1) -> None:
-    """Every lesson has these channels and frames; what `learn` calls first. Raises ChannelError, RecordingError."""
-    for lesson in lessons:
-        for name in channels:
-            if not any(c == name or c.startswith(name + ".") for c in lesson.channels):
-                raise ChannelError(missing(name.split(".")[0], lesson.signals, lesson.source or lesson.name))
-        if len(lesson) < min_frames:
-            raise RecordingError(f"{lesson.source or lesson.name}: {len(lesson)} frames; needs >= {min_frames}")
-
-
-def check_set(lessons: Sequence[Demonstration], *, role: str | None = None) -> tuple[str, ...]:
-    """Do these lessons belong together? Raises on different rates, axes, units or roles; warns of copies and outliers.
-
-    Returns what it warned of.
-    """
-    notes: list[str] = []
-    first = lessons[0]
-    for other in lessons[1:]:
-        for what, a, b in (
-            ("rate", f"{1 / first.dt:g} Hz", f"{1 / other.dt:g} Hz"),
-            ("axes", first.axes, other.axes),
-            ("role", first.role or "not stated", other.role or "not stated"),
-            ("channels", first.channels, other.channels),
-            ("units", dict(first.units), dict(other.units)),
-        ):
-            if a != b:
-                raise RecordingError(f"{other.name}: {what} {b}, while {first.name} has {a}; lessons must agree")
-    if role and first.role != role:
-        raise RecordingError(f"{first.name}: role {first.role or 'not stated'!r}, {role!r} was asked for")
-    seen: dict[str, str] = {}
-    for lesson in lessons:
-        if (twin := seen.setdefault(lesson.sha256, lesson.name)) != lesson.name or _twice(lessons, lesson):
-            suspect(notes, f"{twin} = {lesson.name}: the same lesson twice")
-    _check_scale(lessons, notes)
-    return tuple(notes)
-
-
-def _twice(lessons: Sequence[Demonstration], lesson: Demonstration) -> bool:
-    """Whether an earlier lesson of the same name holds the same data."""
-    earlier = lessons[: next(i for i, other in enumerate(lessons) if other is lesson)]
-    return any(other.name == lesson.name and other.sha256 == lesson.sha256 for other in earlier)
-
-
-def _check_scale(lessons: Sequence[Demonstration], notes: list[str]) -> None:
-    """One lesson whose force is some ten or a thousand times the others' was stored in another unit."""
-    for name in ("force", "position"):
-        if len(lessons) < 3 or name not in lessons[0].signals:
-            continue
-        sizes = np.array([float(np.ptp(x.signals[name], axis=0).max()) for x in lessons])
-        typical = float(np.median(sizes))
-        for lesson, size in zip(lessons, sizes.tolist(), strict=True):
-            if typical > 0.0 and not typical / 7.0 < size < typical * 7.0:
-                suspect(notes, f"{lesson.name}: {name} spans {size:.3g}, the others {typical:.3g}: another unit?")
