@@ -11,7 +11,7 @@ from ..errors import RecordingError
 from ..recording import Channel, Recording
 
 if TYPE_CHECKING:
-    from .mcap_file import Walk
+    from .mcap_walk import Walk
 
 _UNITS = {"position": "m", "point": "m", "translation": "m", "force": "N", "torque": "N m", "linear": "m/s"}
 
