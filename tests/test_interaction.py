@@ -68,6 +68,8 @@ def test_a_recording_of_the_raw_force_becomes_interaction_force():
     lesson = demonstration(recording, payload=Payload(MASS, force_bias_n=(0.3,)))
     assert np.abs(lesson.force[:, 0] - intent).max() < 0.15
     assert any("force from eq. (3): mass 5 kg, share 0.5" in n for n in lesson.notes)
+    stated = recording.with_metadata(payload={"mass_kg": MASS, "force_bias_n": [0.3]})
+    assert demonstration(stated).sha256 == lesson.sha256
 
 
 def estimate(sensed, dx, **options):

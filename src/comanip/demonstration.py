@@ -215,6 +215,8 @@ def _where(recording: Recording) -> str:
 def _pieces(recording: Recording, chosen: Preparation) -> list[Demonstration]:
     where, notes = _where(recording), [str(n) for n in recording.metadata.get("notes", ())]
     role = _role(recording, where, chosen.role, notes)
+    if chosen.payload is None and "hand.force" not in recording:
+        chosen = replace(chosen, payload=_stored_payload(recording))
     channels = _channels(recording, where, chosen, notes)
     holes = {name: gaps(channel) for name, channel in channels.items()}
     for name, found in holes.items():
@@ -233,6 +235,15 @@ def _pieces(recording: Recording, chosen: Preparation) -> list[Demonstration]:
     if not pieces:
         raise RecordingError(f"{where}: no piece between the {len(cuts)} gaps is long enough")
     return pieces
+
+
+def _stored_payload(recording: Recording) -> Payload | None:
+    """The payload that the recording itself states: metadata {"payload": {"mass_kg": 5.0, "force_bias_n": [...]}}."""
+    stored = recording.metadata.get("payload")
+    if not isinstance(stored, Mapping) or "mass_kg" not in stored:
+        return None
+    bias = tuple(float(b) for b in stored.get("force_bias_n", ()))
+    return Payload(float(stored["mass_kg"]), force_bias_n=bias)
 
 
 def _merged(cuts: list[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import time
+import tracemalloc
 import warnings
 import zipfile
 from dataclasses import replace
@@ -216,7 +217,10 @@ def test_d7_a_gap_is_named_with_its_length_and_frame():
 
 
 def test_d7_split_gaps_makes_one_lesson_of_each_piece():
-    pieces = demonstrations([cut_all(lift(), 189, 42)], split_gaps=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pieces = demonstrations([cut_all(lift(), 189, 42)], split_gaps=True)
+    assert [p.name for p in pieces] == ["lift0#0", "lift0#1"]
     assert [len(p) for p in pieces] == [189, 170]
     assert np.array_equal(pieces[1].position, lift()["hand.position"].values[231:])
 
@@ -443,8 +447,13 @@ def test_d18_a_decompression_bomb_is_refused_at_once(tmp_path, declared):
     path = tmp_path / "bomb.mcap"
     path.write_bytes(chunk(zstandard.compress(bytes(256 << 20)), declared))
     start = time.perf_counter()
-    with pytest.raises(RecordingError, match="declares 256 MB > 16 MB"):
-        read(path)
+    tracemalloc.start()
+    try:
+        with pytest.raises(RecordingError, match="declares 256 MB > 16 MB"):
+            read(path)
+        assert tracemalloc.get_traced_memory()[1] < 32 << 20
+    finally:
+        tracemalloc.stop()
     assert time.perf_counter() - start < 0.5
 
 
@@ -516,7 +525,9 @@ def test_d21_a_lesson_of_another_role_is_refused():
     with pytest.raises(RecordingError, match="role is 'leader', 'follower' was asked for"):
         demonstration(lift(role="leader"), role="follower")
     with pytest.raises(RecordingError, match="role"):
-        check_set([demonstration(lift(0)), demonstration(lift(1, role="leader"))])
+        check_set(
+            [demonstration(lift(0)), demonstration(corrupt(lift(1, role="leader"), "scale", "force", amount=-1.0))]
+        )
 
 
 @pytest.mark.parametrize("signal", SIGNALS)
