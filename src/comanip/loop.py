@@ -8,10 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-import numpy as np
-
 from .errors import ParameterError
-from .interfaces import Array, Command, Observation, Plant, Skill, Tap
+from .interfaces import Command, Observation, Plant, Skill, Tap
 from .recording import Recorder, Recording
 
 _OBSERVED = {"position": "m", "velocity": "m/s", "sensor_force": "N", "force": "N"}

@@ -79,7 +79,7 @@ class SimulatedTeacher:
         *,
         plan: TeacherPlan | None = None,
         yielding: TeacherYielding | None = None,
-        hand: TeacherHand = TeacherHand(),  # noqa: B008  frozen value
+        hand: TeacherHand = TeacherHand(),
         static_force: Array,
         moving: int = 0,
         substep_s: float = 0.001,

@@ -15,11 +15,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, exp, sin, sqrt
+from math import exp
 
 import numpy as np
 
 from ..errors import ParameterError
+from ..exact_step import second_order_step
 from ..interfaces import STANDARD_GRAVITY, Array, Command, Observation, Partner
 
 
@@ -55,7 +56,7 @@ class _TransverseAxis:
         self.beam, self.gravity, self.step = beam, gravity, step
         inertia = beam.mass_kg * beam.length_m**2 / 3.0
         self.inertia = inertia
-        self.phi, self.gamma = _second_order_step(
+        self.tilting = second_order_step(
             beam.wrist_stiffness_nm_per_rad / inertia, beam.wrist_damping_nms_per_rad / inertia, step
         )
         self.decay = exp(-step / beam.actuator_lag_s)
@@ -89,9 +90,9 @@ class _TransverseAxis:
             self.gravity + self.acceleration + 0.5 * length * self.tilt_acceleration
         )
         tilt, rate, pull = self.tilt, self.tilt_rate, moment / self.inertia
-        (p00, p01, p10, p11), (g0, g1) = self.phi, self.gamma
-        self.tilt = p00 * tilt + p01 * rate + g0 * pull
-        self.tilt_rate = p10 * tilt + p11 * rate + g1 * pull
+        one = self.tilting
+        self.tilt = one.yy * tilt + one.yv * rate + one.yu * pull
+        self.tilt_rate = one.vy * tilt + one.vv * rate + one.vu * pull
 
 
 class _AxialAxis(_TransverseAxis):
@@ -107,20 +108,6 @@ class _AxialAxis(_TransverseAxis):
         self.sensor_force = partner_force - self.beam.mass_kg * self.acceleration
 
 
-def _second_order_step(k: float, c: float, h: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Exact step of y'' = -k y - c y' + u over h for constant u: ((phi 2x2), (gamma 2))."""
-    a, w2 = 0.5 * c, k - 0.25 * c * c
-    if w2 > 0:
-        w = sqrt(w2)
-        co, si = exp(-a * h) * cos(w * h), exp(-a * h) * sin(w * h) / w
-    else:
-        w = max(sqrt(-w2), 1e-12)
-        co = 0.5 * (exp((w - a) * h) + exp((-w - a) * h))
-        si = 0.5 * (exp((w - a) * h) - exp((-w - a) * h)) / w
-    phi = (co + a * si, si, -k * si, co - a * si)
-    return phi, ((1.0 - phi[0]) / k, si)
-
-
 class BeamPlant:
     """Robot hand, beam and partner in closed loop, for any task axes.
 
@@ -134,8 +121,8 @@ class BeamPlant:
         self,
         partner: Partner,
         *,
-        beam: Beam = Beam(),  # noqa: B008  frozen value
-        sensor: WristSensor = WristSensor(),  # noqa: B008
+        beam: Beam = Beam(),
+        sensor: WristSensor = WristSensor(),
         axes: tuple[str, ...] = ("z",),
         axial: str = "x",
         dt: float = 0.01,

@@ -139,8 +139,8 @@ class HumanLeader(_Human):
 
     def __init__(
         self,
-        plan: Plan = Plan(),  # noqa: B008  frozen value
-        arm: Arm = Arm(),  # noqa: B008
+        plan: Plan = Plan(),
+        arm: Arm = Arm(),
         *,
         axes: tuple[str, ...] = ("z",),
         moving: str = "z",
@@ -174,8 +174,8 @@ class HumanFollower(_Human):
 
     def __init__(
         self,
-        yielding: Yielding = Yielding(),  # noqa: B008  frozen value
-        arm: Arm = Arm(stiffness_n_per_m=90.0, damping_ns_per_m=22.0),  # noqa: B008
+        yielding: Yielding = Yielding(),
+        arm: Arm = Arm(stiffness_n_per_m=90.0, damping_ns_per_m=22.0),
         *,
         axes: tuple[str, ...] = ("z",),
         moving: str = "z",
