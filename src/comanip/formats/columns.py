@@ -1,0 +1,194 @@
+"""Columns: which columns of a foreign file are position, velocity, force and time; their units and signs."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from types import MappingProxyType
+from typing import Any
+
+from ..errors import ChannelError, ParameterError
+from ..interfaces import STANDARD_GRAVITY
+
+# unit -> (SI symbol, factor)
+UNITS: dict[str, tuple[str, float]] = {
+    "m": ("m", 1.0), "cm": ("m", 1e-2), "mm": ("m", 1e-3), "um": ("m", 1e-6), "in": ("m", 0.0254),
+    "rad": ("rad", 1.0), "deg": ("rad", 0.017453292519943295),
+    "m/s": ("m/s", 1.0), "cm/s": ("m/s", 1e-2), "mm/s": ("m/s", 1e-3),
+    "rad/s": ("rad/s", 1.0), "deg/s": ("rad/s", 0.017453292519943295), "rpm": ("rad/s", 0.10471975511965977),
+    "N": ("N", 1.0), "mN": ("N", 1e-3), "kN": ("N", 1e3),
+    "gf": ("N", 1e-3 * STANDARD_GRAVITY), "kgf": ("N", STANDARD_GRAVITY), "lbf": ("N", 4.4482216152605),
+    "N m": ("N m", 1.0), "mN m": ("N m", 1e-3),
+    "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "ns": ("s", 1e-9),
+}  # fmt: skip
+ALIASES = {
+    "nm": "N m", "n·m": "N m", "n*m": "N m", "n m": "N m", "mnm": "mN m", "newton": "N", "newtons": "N", "n": "N",
+    "metre": "m", "meter": "m", "metres": "m", "meters": "m", "g": "gf", "kg": "kgf", "°": "deg", "degrees": "deg",
+    "radians": "rad", "µm": "um", "µs": "us", "sec": "s", "seconds": "s", "°/s": "deg/s", "m·s-1": "m/s",
+}  # fmt: skip
+KINDS = {  # what a signal of each kind may be measured in, the default first
+    "time": ("s",),
+    "position": ("m", "rad"),
+    "velocity": ("m/s", "rad/s"),
+    "force": ("N", "N m"),
+}
+NAME = {
+    "position": "hand.position",
+    "velocity": "hand.velocity",
+    "force": "hand.force",
+    "sensor_force": "hand.sensor_force",
+}
+
+
+def to_si(unit: str, kind: str) -> tuple[str, float]:
+    """(SI symbol, factor) of a unit; ParameterError names the units that a `kind` of signal may have."""
+    found = UNITS.get(unit) or UNITS.get(ALIASES.get(unit.strip().lower(), ""))
+    if found is None or found[0] not in KINDS[kind]:
+        allowed = [u for u, (si, _) in UNITS.items() if si in KINDS[kind]]
+        raise ParameterError(f"{kind} unit {unit!r} is not known; allowed: {', '.join(allowed)}")
+    return found
+
+
+def split_columns(text: str | Iterable[str]) -> tuple[str, ...]:
+    """Column expressions from "z", "x,y,z" or several of them; commas inside [...] do not split."""
+    items = (text,) if isinstance(text, str | int) else tuple(text)
+    return tuple(part.strip() for item in items for part in re.split(r",(?![^\[]*\])", str(item)) if part.strip())
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The mapping every command offers as flags. Empty means: recognise what is obvious, and say it.
+
+    position, velocity, force   column expressions, one an axis; `force` is the interaction force F of eq. (3)
+    sensor_force                columns of the raw F_s (object on hand); eq. (3) is applied by `demonstration`
+    time, time_unit             column of the stamps; "none" ignores the file's stamps; default: t, time or timestamp
+    rate_hz                     without stamps: frame i is at i / rate_hz; with stamps: the rate to resample to
+    role                        "leader", "follower" ...: what the hand's teacher did
+    extra                       further channels: name -> columns
+    axes                        names of the axes; default: the last letters of the columns when they are x, y, z
+    ..._unit                    the file's unit when it is not SI (mm, deg, gf ...): converted, and said
+
+    An expression is a CSV header, a 0-based column index, or, in .mat and .npz, a path with indices such as
+    `scope.signals[1].values[:,0]`; a leading "-" flips the sign. Naming any of position, velocity, force or
+    sensor_force turns recognition off.
+    """
+
+    position: tuple[str, ...] = ()
+    velocity: tuple[str, ...] = ()
+    force: tuple[str, ...] = ()
+    sensor_force: tuple[str, ...] = ()
+    time: str | None = None
+    rate_hz: float | None = None
+    role: str | None = None
+    extra: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    axes: tuple[str, ...] = ()
+    position_unit: str | None = None
+    velocity_unit: str | None = None
+    force_unit: str | None = None
+    time_unit: str | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("position", "velocity", "force", "sensor_force", "axes"):
+            object.__setattr__(self, name, split_columns(getattr(self, name)))
+        extra = {str(name): split_columns(columns) for name, columns in dict(self.extra).items()}
+        object.__setattr__(self, "extra", MappingProxyType(extra))
+        if self.rate_hz is not None and not 0.0 < float(self.rate_hz) < 1e6:
+            raise ParameterError(f"rate_hz is {self.rate_hz}; allowed: 0 < rate_hz < 1e6 Hz")
+        for kind in KINDS:
+            if (unit := getattr(self, f"{kind}_unit")) is not None:
+                to_si(unit, kind)
+        if len(set(self.axes)) != len(self.axes):
+            raise ParameterError(f"axes {self.axes} repeat a name")
+
+    @property
+    def mapped(self) -> dict[str, tuple[str, ...]]:
+        """Kind -> expressions, of the canonical signals that were named."""
+        return {kind: getattr(self, kind) for kind in NAME if getattr(self, kind)}
+
+    @property
+    def is_empty(self) -> bool:
+        return all(getattr(self, f.name) in (None, (), {}) for f in fields(self))
+
+    def unit(self, kind: str) -> str | None:
+        return getattr(self, f"{'force' if kind == 'sensor_force' else kind}_unit", None)
+
+
+def sign_and_name(expression: str, available: Iterable[str]) -> tuple[float, str]:
+    """A leading "-" flips the sign, unless a column is really called so."""
+    if expression.startswith("-") and expression not in set(available):
+        return -1.0, expression[1:].strip()
+    return 1.0, expression
+
+
+def unknown(what: str, name: str, available: Iterable[str]) -> ChannelError:
+    """An error that lists what there is, the likely one first."""
+    names = [n for n in dict.fromkeys(available) if n]
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    lowered = {n.lower(): n for n in names}
+    close = close or [lowered[n] for n in difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)]
+    hint = f"; did you mean {close[0]!r}?" if close else ""
+    shown = ", ".join(names[:40]) + (f" and {len(names) - 40} more" if len(names) > 40 else "")
+    return ChannelError(f"{what}: no column {name!r}{hint} there are: {shown or 'none'}")
+
+
+def unit_in(header: str) -> tuple[str, str]:
+    """("z", "mm") from "z [mm]", "z (mm)" or "z_mm"; the unit is "" when the header states none."""
+    for pattern in (
+        r"^(.*?)\s*[\[(]\s*([^\])]*)\s*[\])]$",
+        r"^(.+?)_((?:mm|cm|m|deg|rad)_s|mm|cm|m|ms|us|ns|deg|rad|mn|kn|n|kgf|gf)$",
+    ):
+        match = re.match(pattern, header.strip(), re.IGNORECASE)
+        if match:
+            unit = match[2].strip().replace("_s", "/s")
+            known = unit in UNITS or unit.lower() in ALIASES or unit.lower() in UNITS
+            if known:
+                return match[1].strip(), unit if unit in UNITS else ALIASES.get(unit.lower(), unit.lower())
+    return header.strip(), ""
+
+
+_PATTERNS = {
+    "position": r"^(?:hand[._])?(?:(?:position|pos|p)[_. ]?)?([xyz])$|^(?:hand[._])?(?:position|pos|height)$",
+    "velocity": r"^(?:hand[._])?(?:velocity|vel|v|d)[_. ]?([xyz])$|^([xyz])[_. ]?(?:dot|d)$"
+    r"|^(?:hand[._])?(?:velocity|vel)$",
+    "force": r"^(?:hand[._])?(?:force|f)[_. ]?([xyz])$|^(?:hand[._])?(?:force|f)$",
+}
+TIME_NAMES = ("t", "time", "timestamp", "timestamps", "stamp", "seconds", "sec", "time_s", "t_s")
+
+
+def recognise_time(names: Iterable[str]) -> str | None:
+    """The column that obviously holds the stamps; None when there is none, ChannelError when there are two."""
+    hits = [n for n in names if unit_in(n)[0].lower() in TIME_NAMES]
+    if len(hits) > 1:
+        raise ChannelError(f"columns {', '.join(hits)} could all be the time; say which with time=")
+    return hits[0] if hits else None
+
+
+def recognise(names: Iterable[str]) -> dict[str, dict[str, str]]:
+    """Obvious columns: kind -> axis -> column ("" is the axis of a bare name such as "force")."""
+    found: dict[str, dict[str, str]] = {}
+    for name in names:
+        bare = unit_in(name)[0].lower()
+        for kind, pattern in _PATTERNS.items():
+            match = re.match(pattern, bare)
+            if match:
+                axis = next((g for g in match.groups() if g), "")
+                if axis in found.setdefault(kind, {}):
+                    raise ChannelError(
+                        f"columns {found[kind][axis]!r} and {name!r} could both be the {kind}; say which"
+                    )
+                found[kind][axis] = name
+    return found
+
+
+def axes_of(columns: Iterable[str], n_axes: int) -> tuple[str, ...]:
+    """Axis names for columns: their last letters when those are distinct among x, y, z; else z, or x, y, or x, y, z."""
+    letters = tuple(unit_in(c.strip("'\" "))[0].lower()[-1:] for c in columns)
+    if len(letters) == n_axes and len(set(letters)) == n_axes and set(letters) <= set("xyz"):
+        return letters
+    return {1: ("z",), 2: ("x", "y"), 3: ("x", "y", "z")}.get(n_axes, tuple(str(i) for i in range(n_axes)))
+
+
+def note(metadata: Mapping[str, Any], *more: str) -> list[str]:
+    return [*metadata.get("notes", ()), *(m for m in more if m)]

@@ -1,0 +1,202 @@
+"""Eq. (3): from the force that a wrist sensor feels to the force that the partner means.
+
+    F = F_s + s m (a - g)
+
+F_s is the force of the OBJECT ON THE HAND, s the hand's share of the object (0.5 for two partners, the paper's
+footnote 1), m its mass, a the hand's acceleration and g gravity as a vector, (0, 0, -9.80665) m/s^2 for x, y, z up.
+The paper prints F = F_s - (m/2)(a - g): read with g = +9.81 the weight cancels but the inertia doubles. With the sign
+above the load's weight AND its inertia vanish, and F > 0 when the partner lifts while the hand is still.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import ParameterError
+from .filters import Lowpass
+from .interfaces import STANDARD_GRAVITY, Array, Observation
+
+MAX_FORCE = 1e6  # [N] beyond any sensor of a hand: treated as missing, so that one wild sample cannot ring for seconds
+
+
+def gravity_along(axes: Sequence[str]) -> Array:
+    """Gravity in the task frame, (d,) [m/s^2]: -9.80665 along the axis named "z", zero along the others."""
+    return np.array([-STANDARD_GRAVITY if axis == "z" else 0.0 for axis in axes])
+
+
+def interaction_force(
+    sensor_force: Array, acceleration: Array, *, mass_kg: float, load_share: float = 0.5, gravity: Array
+) -> Array:
+    """Eq. (3), F = F_s + s m (a - g); (T, d) or (d,) [N] from F_s [N], a [m/s^2] and g (d,) [m/s^2].
+
+    The same low-pass must have been applied to F_s and a, or their delay shows up as a force that nobody exerts.
+    """
+    return np.asarray(sensor_force + load_share * mass_kg * (acceleration - gravity))
+
+
+@dataclass(frozen=True)
+class Payload:
+    """The object in the hands, and how well it is known.
+
+    mass_kg, mass_std_kg         whole object [kg] (this hand carries load_share of it)
+    force_bias_n, bias_std_n     (d,) what the sensor reads with nothing in the hand [N]; empty means zero
+    """
+
+    mass_kg: float
+    mass_std_kg: float = math.nan
+    force_bias_n: tuple[float, ...] = ()
+    bias_std_n: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.mass_kg < math.inf:
+            raise ParameterError(f"mass is {self.mass_kg:g} kg; allowed: finite and >= 0")
+
+
+def mean_and_error(values: Array) -> tuple[Array, Array]:
+    """Mean over time of (T, d) and its standard error, (d,) each, with the samples' autocorrelation counted.
+
+    Neighbouring samples of a filtered sensor repeat each other: the error of the mean is that of T / tau independent
+    samples, tau = 1 + 2 sum(rho_k), summed in pairs until a pair is no longer positive (Geyer's initial sequence).
+    """
+    mean = values.mean(axis=0)
+    errors = [math.sqrt(x.var() * _correlation_samples(x) / len(x)) for x in (values - mean).T]
+    return mean, np.array(errors)
+
+
+def _correlation_samples(x: Array) -> float:
+    size = len(x)
+    spectrum = np.fft.rfft(x, 2 * size)
+    rho = np.fft.irfft(np.abs(spectrum) ** 2)[:size]
+    if rho[0] <= 0.0:
+        return 1.0
+    rho = rho / rho[0]
+    pairs = rho[: size // 2 * 2].reshape(-1, 2).sum(axis=1)
+    negative = np.flatnonzero(pairs <= 0.0)
+    stop = int(negative[0]) if len(negative) else len(pairs)
+    return float(min(max(2.0 * pairs[:stop].sum() - 1.0, 1.0), size))
+
+
+def identify_payload(
+    holding: Array,
+    *,
+    gravity: Array,
+    load_share: float = 0.5,
+    empty: Array | None = None,
+    force_bias_n: Sequence[float] | None = None,
+    mass_kg: float | None = None,
+) -> Payload:
+    """Mass and sensor bias from windows of F_s at rest (footnote 2), with their standard errors.
+
+    At rest, both holding, F_s = s m g + bias. ONE such pose cannot give both unknowns, so say which one is known:
+    `empty`, a window before the grasp, gives the bias and then the mass; `force_bias_n` gives the mass (default: no
+    bias, the footnote's m = |mean F_s| / (s g0)); `mass_kg` gives the bias.
+
+    holding, empty   (T, d) [N], hand at rest; gravity (d,) [m/s^2]
+    Raises ParameterError when two of the three are given, when no weight acts along the axes, or when the mass comes
+    out negative.
+    """
+    known = [n for n, v in (("empty", empty), ("force_bias_n", force_bias_n), ("mass_kg", mass_kg)) if v is not None]
+    if len(known) > 1:
+        raise ParameterError(f"{' and '.join(known)} are given; allowed: one of empty, force_bias_n, mass_kg")
+    holding = _window("holding", holding, len(gravity))
+    mean, error = mean_and_error(holding)
+    if mass_kg is not None:
+        bias = mean - load_share * mass_kg * gravity
+        return Payload(mass_kg, 0.0, tuple(bias.tolist()), tuple(error.tolist()))
+    bias, bias_error = np.zeros(len(gravity)), np.zeros(len(gravity))
+    if empty is not None:
+        bias, bias_error = mean_and_error(_window("empty", empty, len(gravity)))
+    elif force_bias_n is not None:
+        bias = np.asarray(force_bias_n, dtype=np.float64)
+    square = float(gravity @ gravity)
+    if square == 0.0 or load_share <= 0.0:
+        raise ParameterError("no weight acts along these axes; a mass needs the vertical axis and load_share > 0")
+    mass = float((mean - bias) @ gravity) / (load_share * square)
+    if mass < 0.0:
+        raise ParameterError(
+            f"mass comes out as {mass:.3g} kg: F_s must be the force of the object on the hand (negative at rest, up "
+            "positive); flip the column's sign or give the bias"
+        )
+    mass_std = math.sqrt(float(gravity**2 @ (error**2 + bias_error**2))) / (load_share * square)
+    return Payload(mass, mass_std, tuple(bias.tolist()), tuple(bias_error.tolist()))
+
+
+def _window(name: str, values: Array, n_axes: int) -> Array:
+    values = np.asarray(values, dtype=np.float64)
+    if values.ndim != 2 or values.shape[1] != n_axes or len(values) < 2 or not np.isfinite(values).all():
+        raise ParameterError(f"{name} has shape {values.shape}; a window is (T >= 2, {n_axes}) of finite forces [N]")
+    return values
+
+
+class CausalInteractionForce:
+    """Eq. (3) tick by tick: the causal twin of what `demonstration` does with a recording.
+
+    Fills `obs.force` from `obs.sensor_force` and `obs.velocity`. The sum F_s + s m (a - g) is filtered, so F_s and a
+    pass the SAME low-pass. a is a backward difference, half a tick late; F_s is matched to it (mean of two ticks),
+    or, where the sensor itself is later than that (`force_delay_s`), a waits for F_s.
+
+    A tick whose input is missing (NaN, infinite, beyond 1e6 N) gives NaN and leaves the filter as it was; the next good
+    tick differentiates over the hole.
+    """
+
+    def __init__(
+        self,
+        dt: float,
+        *,
+        mass_kg: float,
+        gravity: Sequence[float],
+        load_share: float = 0.5,
+        bias: Sequence[float] = (),
+        cutoff_hz: float = 10.0,
+        force_delay_s: float = 0.0,
+    ) -> None:
+        """`gravity`, `bias`: (d,) [m/s^2], [N]; `force_delay_s`: how much later F_s comes than the velocity [s]."""
+        if not (dt > 0.0 and mass_kg >= 0.0 and 0.0 <= load_share <= 1.0 and force_delay_s >= 0.0):
+            raise ParameterError(
+                f"dt {dt:g} s, mass {mass_kg:g} kg, load_share {load_share:g}, force_delay_s {force_delay_s:g}; "
+                "allowed: dt > 0, mass >= 0, 0 <= load_share <= 1, delay >= 0"
+            )
+        self._dt = dt
+        self._load = load_share * mass_kg  # [kg]
+        bias = tuple(bias) or (0.0,) * len(gravity)
+        if len(bias) != len(gravity):
+            raise ParameterError(f"bias has {len(bias)} entries; allowed: {len(gravity)}, one an axis")
+        self._offset = [-self._load * g - b for g, b in zip(gravity, bias, strict=True)]  # [N]
+        self._average = force_delay_s < 0.5 * dt
+        wait = (force_delay_s if self._average else force_delay_s - 0.5 * dt) / dt  # [ticks]
+        self._late, self._blend = int(wait), wait - int(wait)
+        self._filters = [Lowpass(cutoff_hz, dt) for _ in gravity]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets the past; the next good tick counts as rest."""
+        for section in self._filters:
+            section.reset()
+        n = len(self._filters)
+        self._velocity = [math.nan] * n
+        self._force = [math.nan] * n
+        self._elapsed = [0.0] * n  # [s] since the last good tick
+        self._past = [[0.0] * (self._late + 2) for _ in range(n)]  # accelerations, newest first
+
+    def step(self, obs: Observation) -> None:
+        forces, velocities = obs.sensor_force.tolist(), obs.velocity.tolist()
+        for i, section in enumerate(self._filters):
+            force, velocity = forces[i], velocities[i]
+            self._elapsed[i] += self._dt
+            if not (-MAX_FORCE < force < MAX_FORCE and math.isfinite(velocity)):
+                obs.force[i] = math.nan
+                continue
+            before, last = self._velocity[i], self._force[i]
+            acceleration = 0.0 if before != before else (velocity - before) / self._elapsed[i]
+            self._velocity[i], self._force[i], self._elapsed[i] = velocity, force, 0.0
+            past = self._past[i]
+            past.insert(0, acceleration)
+            past.pop()
+            acceleration = past[self._late] + self._blend * (past[self._late + 1] - past[self._late])
+            if self._average and last == last:
+                force = 0.5 * (force + last)
+            obs.force[i] = section.step(force + self._load * acceleration + self._offset[i])
