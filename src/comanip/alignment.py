@@ -6,15 +6,17 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .demonstration import Demonstration
 from .errors import ParameterError
 from .interfaces import Array
 
+Frames = NDArray[np.int64]
 MAX_FRAMES = 5000  # the table of path costs is T x T float64: 200 MB
 
 
-def warping_path(a: Array, b: Array, *, band: float = 1.0) -> tuple[Array, Array]:
+def warping_path(a: Array, b: Array, *, band: float = 1.0) -> tuple[Frames, Frames]:
     """(i, j), the frames of `a` (T, D) and `b` (S, D) that belong together; O(T S) time and memory.
 
     The path starts and ends with both, never goes back, and moves by one frame in `a`, in `b` or in both. `band` is the
@@ -32,7 +34,7 @@ def warping_path(a: Array, b: Array, *, band: float = 1.0) -> tuple[Array, Array
         steps = [(i - 1, j - 1), (i - 1, j), (i, j - 1)]
         i, j = min(steps, key=lambda s: total[s[0] + 1, s[1] + 1])
         path.append((i, j))
-    rows, columns = np.array(path[::-1]).T
+    rows, columns = np.array(path[::-1], dtype=np.int64).T
     return rows, columns
 
 

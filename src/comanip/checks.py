@@ -37,7 +37,7 @@ class Plausible:
 
     position_span: tuple[float, float] = (1e-3, 20.0)
     velocity_peak: tuple[float, float] = (1e-3, 10.0)
-    force_peak: tuple[float, float] = (0.03, 1000.0)
+    force_peak: tuple[float, float] = (0.03, 500.0)
     workspace: tuple[tuple[float, float], ...] = ()
 
 

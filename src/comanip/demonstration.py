@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .checks import (
     MAX_RATE_RATIO,
@@ -33,6 +34,7 @@ from .recording import Channel, Recording, expand, frozen
 
 _ORDER = ("position", "force", "velocity")  # the paper's order of the datapoint
 _KIND = {"position": "position", "velocity": "velocity", "force": "force", "sensor_force": "force"}
+Frames = NDArray[np.int64]
 _ON_GRID = 1e-3  # of a period: stamps this close to a regular grid count as regular
 
 
@@ -343,7 +345,9 @@ def _one_rate(
         cutoff = 0.4 * rate if rates[n] > 1.5 * rate else None
         signals[n] = resample(c.time, c.values, grid, cutoff_hz=cutoff)
         how = f"zero-phase low-pass {cutoff:.4g} Hz, then linear" if cutoff else "linear"
+        lost = int((_steps(c) - 1).sum())
         jitter = "" if even else f" with stamps up to {_jitter(c, own) * 1e3:.2g} ms off"
+        jitter += f" and {lost} frames missing" if lost else ""
         notes.append(f"{n}: resampled from {rates[n]:.6g} Hz{jitter} to {rate:.6g} Hz ({how})")
         if not even and _jitter(c, own) > 0.5 * own:
             suspect(
@@ -354,23 +358,26 @@ def _one_rate(
 
 def _regular(channel: Channel) -> tuple[float, bool]:
     """(period [s], whether the stamps are a regular grid). A period that jitters is rounded to a rate people use."""
-    steps = len(channel.time) - 1
-    dt = float(channel.time[-1] - channel.time[0]) / steps
+    steps = _steps(channel)
+    dt = float(channel.time[-1] - channel.time[0]) / int(steps.sum())
     rate = round(1.0 / dt, 3)
-    if rate > 0.0 and abs(rate * dt - 1.0) * steps < _ON_GRID:
+    if rate > 0.0 and abs(rate * dt - 1.0) * len(steps) < _ON_GRID:
         dt = 1.0 / rate  # 0.01 and not 0.010000000000000002
-    if _jitter(channel, dt) <= _ON_GRID * dt:
+    if (steps == 1).all() and _jitter(channel, dt) <= _ON_GRID * dt:
         return dt, True
-    dt = period(channel) if abs(period(channel) / dt - 1.0) > 0.05 else dt  # dropped frames stretch the mean
     nice = round(1.0 / dt)
     return (1.0 / nice if nice and abs(nice * dt - 1.0) < 0.01 else dt), False
 
 
+def _steps(channel: Channel) -> Frames:
+    """Periods from each stamp to the next, more than one where frames are missing; (T - 1,)."""
+    return np.maximum(np.rint(np.diff(channel.time) / period(channel)), 1).astype(np.int64)
+
+
 def _jitter(channel: Channel, dt: float) -> float:
-    """How far stamps lie off a regular grid at most [s]; a slow drift of the clock is not jitter."""
-    k = np.arange(len(channel.time))
-    off = channel.time - channel.time[0] - dt * k
-    return float(np.abs(off - np.median(off)).max()) if len(k) else 0.0
+    """How far stamps lie off a regular grid at most [s]."""
+    off = channel.time - dt * np.concatenate([[0], np.cumsum(_steps(channel))])
+    return float(np.abs(off - np.median(off)).max())
 
 
 def _cutoff(cutoff_hz: float, dt: float, notes: list[str]) -> float:

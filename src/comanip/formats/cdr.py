@@ -1,8 +1,8 @@
 """ROS 2 messages as bytes (CDR, little endian): all frames of a channel packed or unpacked at once.
 
 Every message of one channel has one layout (its strings never change), so a channel is one structured numpy array.
-Positions travel as geometry_msgs/PointStamped, forces as WrenchStamped, other x, y, z vectors as Vector3Stamped, the rest
-as std_msgs/Float64MultiArray: what Foxglove, PlotJuggler and `ros2 bag` draw without being told.
+Positions travel as geometry_msgs/PointStamped, forces as WrenchStamped, other x, y, z vectors as Vector3Stamped, the
+rest as std_msgs/Float64MultiArray: what Foxglove, PlotJuggler and `ros2 bag` draw without being told.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ SCHEMAS = {
     f"{_RULE}\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n{_HEADER}",
     "geometry_msgs/msg/Vector3Stamped": f"std_msgs/Header header\ngeometry_msgs/Vector3 vector\n{_VECTOR3}{_HEADER}",
     "geometry_msgs/msg/WrenchStamped": "std_msgs/Header header\ngeometry_msgs/Wrench wrench\n"
-    f"{_RULE}\nMSG: geometry_msgs/Wrench\ngeometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n{_VECTOR3}{_HEADER}",
+    f"{_RULE}\nMSG: geometry_msgs/Wrench\ngeometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n"
+    f"{_VECTOR3}{_HEADER}",
     "std_msgs/msg/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data\n"
     f"{_RULE}\nMSG: std_msgs/MultiArrayLayout\nstd_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n"
     f"{_RULE}\nMSG: std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint32 stride\n",
@@ -72,7 +73,7 @@ def encode(channel: Channel, nanoseconds: Sequence[int]) -> list[bytes]:
 
 
 def decode(schema: str, axes: Sequence[str], messages: Sequence[bytes]) -> Array:
-    """(T, d) values of the named axes, from messages that `encode` made. RecordingError when their layout is another."""
+    """(T, d) values of the named axes, from messages that `encode` made; RecordingError for any other layout."""
     width = _STAMPED.get(schema, len(axes))
     sizes = {len(m) for m in messages}
     if len(sizes) > 1 or schema not in SCHEMAS or (sizes and min(sizes) < 8 * width + 4):

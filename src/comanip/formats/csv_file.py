@@ -170,7 +170,10 @@ def write_csv(recording: Recording, path: Path) -> None:
         if not (np.isfinite(channel.time).all() and (np.diff(channel.time) > 0).all()):
             raise RecordingError(f"{path}: channel {name!r} has stamps that do not increase; write it as .mcap")
     layout = {n: {"unit": c.unit, "frame": c.frame, "axes": list(c.axes)} for n, c in recording.channels.items()}
-    head = json.dumps({"version": 1, "channels": layout, "metadata": dict(recording.metadata)}, default=str)
+    try:
+        head = json.dumps({"version": 1, "channels": layout, "metadata": dict(recording.metadata)})
+    except (TypeError, ValueError) as error:
+        raise RecordingError(f"{path}: the metadata must be plain JSON values: {error}") from None
     channels = recording.channels.values()
     time = np.unique(np.concatenate([c.time for c in channels])) if recording.channels else np.empty(0)
     columns = [[repr(t) for t in time.tolist()]]

@@ -1,7 +1,7 @@
 """MCAP: one recording a file, ROS 2 messages, each channel at its own rate.
 
-Values are exact. Stamps are whole nanoseconds: a float stamp comes back within 0.5 ns. Chunks are small (1 KiB, some ten
-messages) and checked, so that a file cut anywhere loses milliseconds, and a flipped bit is found. What the messages
+Values are exact. Stamps are whole nanoseconds: a float stamp comes back within 0.5 ns. Chunks are small (1 KiB, some
+ten messages) and checked, so that a file cut anywhere loses milliseconds, and a flipped bit is found. What the messages
 cannot say (unit, axes, the recording's own metadata) is in the channels' metadata and in one metadata record, as JSON.
 """
 
@@ -133,10 +133,12 @@ class Walk:
 def read_mcap(path: Path, data: bytes, *, recover: bool = False) -> Recording:
     """A recording from our own file or another program's ROS 2 MCAP.
 
-    A file cut short is read up to the cut, with a warning. Damage is a RecordingError; with `recover` the damaged chunks
-    are left out, with a warning for each.
+    A file cut short is read up to the cut, with a warning. Damage is a RecordingError; with `recover` the damaged
+    chunks are left out, with a warning for each.
     """
     walk = _walk(path, data, recover)
+    if not walk.channels and not walk.metadata:
+        raise RecordingError(f"{path}: cut before the first channel: nothing to recover")
     if RECORD in walk.metadata or any(RECORD in c.metadata for c in walk.channels.values()):
         recording = _own(path, walk, recover)
     else:
@@ -269,11 +271,9 @@ def _unpacked(chunk: Any) -> bytes:
             inner = chunk.data
         else:
             raise RecordingError(f"{span}: compression {chunk.compression!r} is not known; allowed: zstd, lz4, none")
-    except (RuntimeError, ValueError, MemoryError) as error:
-        raise RecordingError(f"{span}: cannot be unpacked ({' '.join(str(error).split())})") from None
-    except Exception as error:
-        if isinstance(error, RecordingError):
-            raise
+    except RecordingError:
+        raise
+    except Exception as error:  # each library raises its own kinds on damaged input
         raise RecordingError(f"{span}: cannot be unpacked ({' '.join(str(error).split())})") from None
     if max(declared, len(inner)) > MAX_CHUNK:
         size = max(declared, len(inner)) / 2**20

@@ -19,7 +19,7 @@ _UNITS = {"position": "m", "point": "m", "translation": "m", "force": "N", "torq
 def foreign(path: Path, walk: Walk) -> Recording:
     """One channel per group of numbers in a message: "/ft.wrench.force" has the axes x, y, z.
 
-    Units are stated for geometry_msgs alone (SI by REP 103). Stamps come from the messages' headers where they have one.
+    Units are stated for geometry_msgs alone (SI by REP 103). Stamps come from the headers where there are any.
     """
     from mcap_ros2.decoder import DecoderFactory
 
@@ -28,9 +28,9 @@ def foreign(path: Path, walk: Walk) -> Recording:
     notes: list[str] = []
     for channel_id, mcap_channel in walk.channels.items():
         schema = walk.schemas.get(mcap_channel.schema_id)
-        decoder = factory.decoder_for(mcap_channel.message_encoding, schema) if schema is not None else None
+        decoder = factory.decoder_for(mcap_channel.message_encoding, schema) if schema else None
         messages = walk.messages.get(channel_id, [])
-        if decoder is None or not messages:
+        if schema is None or decoder is None or not messages:
             what = "no messages" if decoder else f"{mcap_channel.message_encoding!r} messages are not read"
             notes.append(f"{mcap_channel.topic} left out: {what}")
             continue
@@ -78,6 +78,6 @@ def _groups(name: str, message: Any) -> dict[str, dict[str, float]]:
         elif hasattr(value, "__slots__") and key != "header":
             found |= _groups(f"{name}.{key}", value)
         elif not isinstance(value, str | bytes) and hasattr(value, "__len__") and len(value):
-            if all(isinstance(v, int | float) for v in value):
-                found[f"{name}.{key}"] = {str(i): float(v) for i, v in enumerate(value)}
+            numbers = {str(i): float(v) for i, v in enumerate(value) if isinstance(v, int | float)}
+            found |= {f"{name}.{key}": numbers} if len(numbers) == len(value) else {}
     return found
