@@ -1,7 +1,7 @@
 """Gaussian densities of all states at once, their marginals, and a covariance floor that knows no units.
 
-Nothing here may overflow, divide by zero or depend on the unit of a channel: a force of 1e5 N or a world frame 1e6 m away
-must give finite numbers and the same answer.
+Nothing here may overflow, divide by zero or depend on the unit of a channel: a force of 1e5 N or a world frame 1e6 m
+away must give finite numbers and the same answer.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ FARTHEST = 1e140  # distances beyond this many standard deviations are all alike
 class Whitening:
     """Inverse Cholesky factors of K Gaussians, prepared once so that a density costs one matrix product.
 
-    With Σ_i = L_i L_iᵀ the distance of x to state i is |L_i⁻¹ (x − μ_i)|². Everything is written around `origin`, the mean of
-    the centres, because x and μ_i may both be 1e6 m away from the zero of their frame.
+    With Σ_i = L_i L_iᵀ the distance of x to state i is |L_i⁻¹ (x − μ_i)|². Everything is written around `origin`, the
+    mean of the centres, because x and μ_i may both be 1e6 m away from the zero of their frame.
 
     origin    (D,)      subtract it from x first
     factors   (K·D, D)  rows of all L_i⁻¹
@@ -72,7 +72,7 @@ def whitening(means: Array, covariances: Array) -> Whitening:
 def cholesky(covariances: Array) -> Array:
     """Lower factors (K, D, D); a state without one is named in a ParameterError."""
     try:
-        return np.linalg.cholesky(covariances)
+        return np.asarray(np.linalg.cholesky(covariances), dtype=np.float64)
     except np.linalg.LinAlgError:
         least = np.linalg.eigvalsh(covariances)[:, 0]
         state = int(np.argmin(least))
@@ -85,8 +85,8 @@ def cholesky(covariances: Array) -> Array:
 def log_density(x: Array, means: Array, covariances: Array) -> Array:
     """log N(x; μ_i, Σ_i) as (N, K): samples (N, D), means (K, D), covariances (K, D, D).
 
-    NaN in x means "missing": those samples get the density of the channels that are present (the marginal), and a sample
-    with nothing present gets log 1 = 0 for every state: no evidence.
+    NaN in x means "missing": those samples get the density of the channels that are present (the marginal), and a
+    sample with nothing present gets log 1 = 0 for every state: no evidence.
     """
     x = np.asarray(x, dtype=np.float64)
     missing = np.isnan(x)
@@ -102,7 +102,7 @@ def log_density(x: Array, means: Array, covariances: Array) -> Array:
     return out
 
 
-def marginal(means: Array, covariances: Array, indices: Sequence[int] | Array) -> tuple[Array, Array]:
+def marginal(means: Array, covariances: Array, indices: Sequence[int] | np.ndarray) -> tuple[Array, Array]:
     """Means (K, M) and covariances (K, M, M) of the M channels in `indices`: the others are integrated out."""
     index = np.asarray(indices, dtype=np.intp)
     return means[:, index], covariances[:, index[:, None], index[None, :]]
@@ -111,8 +111,8 @@ def marginal(means: Array, covariances: Array, indices: Sequence[int] | Array) -
 def floored(covariances: Array, floor: float) -> Array:
     """Raises every eigenvalue of (..., D, D) to at least `floor`.
 
-    This is the exact solution of "most likely Σ with Σ − floor·I ⪰ 0", so EM with it still never falls. It has a meaning
-    only where the channels share a unit: call it in standardised coordinates.
+    This is the exact solution of "most likely Σ with Σ − floor·I ⪰ 0", so EM with it still never falls. It has a
+    meaning only where the channels share a unit: call it in standardised coordinates.
     """
     values, vectors = np.linalg.eigh(covariances)
     if values.min() >= floor:

@@ -127,7 +127,7 @@ def fit_gmm(
 
 
 class _Mixture(NamedTuple):
-    weights: Array
+    weights: Any
     means: Array
     covariances: Array
 
@@ -138,7 +138,9 @@ def _expect(p: _Mixture, z: Array) -> tuple[float, Array]:
 
 
 def _maximise(gamma: Array, p: _Mixture, z: Array, floor: float) -> _Mixture:
-    return _Mixture(gamma.mean(axis=0), *weighted_gaussians(z, gamma, floor, (p.means, p.covariances)))
+    return _Mixture(
+        np.asarray(gamma.mean(axis=0), dtype=np.float64), *weighted_gaussians(z, gamma, floor, (p.means, p.covariances))
+    )
 
 
 def _from_model(lessons: Lessons, guess: Gmm, n_states: int, floor: float) -> _Mixture:

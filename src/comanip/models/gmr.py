@@ -1,6 +1,6 @@
 """Gaussian mixture regression: any channels from any others, chosen by name when it is called.
 
-Eq. (5) is velocity from (position, force); eq. (6) is position from (force, velocity); both are `Regression` with other names.
+Eq. (5) is velocity from (position, force); eq. (6) is position from (force, velocity); both are `Regression`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Regression:
         *,
         input_noise: Mapping[str, float] | None = None,
     ) -> None:
-        """`input_noise`: variance to add to inputs by name (squared unit): what the sensor adds on line, or doubt in it."""
+        """`input_noise`: variance to add to inputs by name [unit²]: what the sensor adds on line, or doubt in it."""
         self.model = model
         self.inputs = expand(inputs, model.channels)
         self.outputs = expand(outputs, model.channels)
@@ -159,7 +159,7 @@ def _noise(noise: Mapping[str, float] | None, inputs: tuple[str, ...]) -> Array:
 
 
 def _solve(sigma_ii: Array, sigma_io: Array) -> Array:
-    """(Σ^{II})⁻¹ Σ^{IO} per state. A singular input block gives the finite solution of a block with floored eigenvalues."""
+    """(Σ^{II})⁻¹ Σ^{IO} per state. A singular input block gets floored eigenvalues, so that the gains stay finite."""
     size = np.sqrt(np.einsum("kii->ki", sigma_ii))
     correlation = sigma_ii / (size[:, :, None] * size[:, None, :])  # without units, so that one floor serves all
     values, vectors = np.linalg.eigh(correlation)
