@@ -52,6 +52,7 @@ def within(lengths: Sequence[int] | Array) -> np.ndarray:
     return np.arange(int(lengths.max()))[None, :] < lengths[:, None]
 
 
+@np.errstate(under="ignore")  # weights that vanish are meant to
 def forward_backward(
     log_b: Array, lengths: Array, log_initial: Array, log_transition: Array
 ) -> tuple[Array, Array, Array]:
@@ -93,6 +94,7 @@ def forward_backward(
     return log_alpha, log_beta, peak + np.log(np.exp(last - peak[:, None]).sum(axis=1))
 
 
+@np.errstate(under="ignore")
 def expectations(log_b: Array, lengths: Array, log_initial: Array, log_transition: Array) -> Expectations:
     """The E-step over all sequences."""
     log_alpha, log_beta, log_likelihood = forward_backward(log_b, lengths, log_initial, log_transition)

@@ -17,6 +17,7 @@ from ..interfaces import Array
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 LEAST_LOG_DENSITY = -1e100  # stands for log 0 of a density: finite, so that sums over time stay finite
+LEAST_RATIO = 1e-12  # of variances: below it a Cholesky factor is rounding
 FARTHEST = 1e140  # distances beyond this many standard deviations are all alike; its square is still a float64
 
 
@@ -119,6 +120,18 @@ def floored(covariances: Array, floor: float) -> Array:
         return covariances
     lifted = (vectors * np.maximum(values, floor)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     return 0.5 * (lifted + np.swapaxes(lifted, -1, -2))
+
+
+def regularised(covariances: Array, means: Array) -> Array:
+    """The same covariances (K, D, D) where they are positive definite; else raised just enough to have a density.
+
+    For covariances that come from elsewhere, learned without a floor. Relative to each channel's spread in the whole
+    mixture, so it knows no units.
+    """
+    size = np.sqrt(np.einsum("kii->ki", covariances).mean(axis=0) + means.var(axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    unit = size[:, None] * size[None, :]
+    return floored(covariances / unit, LEAST_RATIO) * unit
 
 
 def log_sum_exp(values: Array, axis: int = -1) -> Array:

@@ -106,7 +106,7 @@ def time_bins(lessons: Lessons, n_states: int, rng: np.random.Generator | None =
 
 def k_means(z: Array, n_clusters: int, rng: np.random.Generator, max_iterations: int = 100) -> np.ndarray:
     """Labels (N,) by Lloyd's iterations from a k-means++ start."""
-    centres = z[rng.integers(len(z))][None, :]
+    centres = z[rng.integers(len(z))][None, :].copy()
     nearest = ((z - centres) ** 2).sum(axis=1)
     while len(centres) < n_clusters:
         total = nearest.sum()

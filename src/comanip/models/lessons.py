@@ -170,8 +170,8 @@ def _spread(
         stated = allow_constant.get(name) if isinstance(allow_constant, Mapping) else allow_constant
         if stated is None:
             raise TrainingError(
-                f"{name} is constant {x[0, column]:.3f} in all demonstrations ({n_demonstrations} of them): a dead sensor? "
-                "Leave the channel out, or state its noise with allow_constant=<standard deviation>"
+                f"{name} is constant {x[0, column]:.3f} in all demonstrations ({n_demonstrations} of them): a dead "
+                "sensor? Leave the channel out, or state its noise with allow_constant=<standard deviation>"
             )
         if not (np.isfinite(stated) and stated > 0.0):
             raise ParameterError(
