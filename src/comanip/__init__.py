@@ -17,6 +17,7 @@ _PUBLIC = {
     "ForwardFilter": "comanip.models.filtering",
     "select_states": "comanip.models.selection",
     "GaussianHMM": "comanip.models.estimators",
+    "GaussianMixtureRegressor": "comanip.models.mixture_estimators",
     "GMM": "comanip.models.mixture_estimators",
     "MVN": "comanip.models.mixture_estimators",
 }

@@ -1,8 +1,8 @@
 """Recursions over a Markov chain in the log domain, for several sequences side by side.
 
-Arrays in, arrays out: `log_b` (S, T, K) holds log b_i(ξ_t) of S sequences padded to the longest, `lengths` (S,) their true
-lengths. The log domain is what survives a left-right chain: a state left long ago has a weight below 1e-308 within a
-fraction of a second, and may still be the one that explains the future.
+Arrays in, arrays out: `log_b` (S, T, K) holds log b_i(ξ_t) of S sequences padded to the longest, `lengths` (S,) their
+true lengths. The log domain is what survives a left-right chain: a state left long ago has a weight below 1e-308 within
+a fraction of a second, and may still be the one that explains the future.
 """
 
 from __future__ import annotations
@@ -52,10 +52,13 @@ def within(lengths: Sequence[int] | Array) -> np.ndarray:
     return np.arange(int(lengths.max()))[None, :] < lengths[:, None]
 
 
+@np.errstate(under="ignore")  # weights that vanish are meant to
 def forward_backward(
     log_b: Array, lengths: Array, log_initial: Array, log_transition: Array
 ) -> tuple[Array, Array, Array]:
-    """log α, log β (S, T, K) and log p(ξ_1..ξ_T) (S,). Eq. (4): α_t(j) = [Σ_i α_{t-1}(i) a_ij] b_j(ξ_t), α_1(i) = Π_i b_i(ξ_1).
+    """log α, log β (S, T, K) and log p(ξ_1..ξ_T) (S,).
+
+    Eq. (4): α_t(j) = [Σ_i α_{t-1}(i) a_ij] b_j(ξ_t), α_1(i) = Π_i b_i(ξ_1).
 
     The paper prints α without its start and unnormalised, which leaves float64 within a second; logarithms do not.
     β_t(i) b_i(ξ_t) obeys the same recursion as α backwards in time with the transposed chain, so both run in one loop.
@@ -91,6 +94,7 @@ def forward_backward(
     return log_alpha, log_beta, peak + np.log(np.exp(last - peak[:, None]).sum(axis=1))
 
 
+@np.errstate(under="ignore")
 def expectations(log_b: Array, lengths: Array, log_initial: Array, log_transition: Array) -> Expectations:
     """The E-step over all sequences."""
     log_alpha, log_beta, log_likelihood = forward_backward(log_b, lengths, log_initial, log_transition)

@@ -24,14 +24,15 @@ class ForwardFilter:
 
     channels          which channels are evidence, by name; the others are integrated out. `xi` of `step` has these, in
                       the order of `filter.channels`
-    transition_floor  ε: each tick forgets a little, A ← (1 − ε) A + ε/K, so that a left-right chain can run a second time
+    transition_floor  ε: each tick forgets a little, A ← (1 − ε) A + ε/K, so a left-right chain can run a second time
     gate              [nats] most that one tick may favour one state over another, at once the worst an outlier can do
-    patience          [ticks] after so many in a row whose best state the dynamics exclude, weights start afresh from the
-                      evidence; with a transition floor above 1e-9 nothing is excluded, and it never comes to that
+    patience          [ticks] after so many in a row whose best state the dynamics exclude, weights start afresh from
+                      the evidence; with a transition floor above 1e-9 nothing is excluded, and it never comes to that
 
-    gate = 20 and ε = 1e-6 belong together: 20 > −log(ε/K) for K ≤ 400, so a state ruled out by one bad tick is back after one
-    good tick; and no weight falls below e⁻²⁰ ε/K ≈ 1e-16, far from underflow. Inside the demonstrations the gate is idle:
-    20 nats are 6 standard deviations. For eq. (4) to the letter: transition_floor=0, gate=numpy.inf.
+    gate = 20 and ε = 1e-6 belong together: 20 > −log(ε/K) for K ≤ 400, so a state ruled out by one bad tick is back
+    after one good tick; and no weight falls below e⁻²⁰ ε/K ≈ 1e-16, far from underflow. Between neighbouring states of
+    a demonstration the gate is idle: 20 nats are 6 standard deviations. For eq. (4) to the letter: transition_floor=0,
+    gate=numpy.inf.
 
     NaN is a missing channel: the density of the others is used; with none the weights move on by the dynamics alone.
     """

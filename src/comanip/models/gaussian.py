@@ -1,7 +1,7 @@
 """Gaussian densities of all states at once, their marginals, and a covariance floor that knows no units.
 
-Nothing here may overflow, divide by zero or depend on the unit of a channel: a force of 1e5 N or a world frame 1e6 m away
-must give finite numbers and the same answer.
+Nothing here may overflow, divide by zero or depend on the unit of a channel: a force of 1e5 N or a world frame 1e6 m
+away must give finite numbers and the same answer.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from ..interfaces import Array
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 LEAST_LOG_DENSITY = -1e100  # stands for log 0 of a density: finite, so that sums over time stay finite
+LEAST_RATIO = 1e-12  # of variances: below it a Cholesky factor is rounding
 FARTHEST = 1e140  # distances beyond this many standard deviations are all alike; its square is still a float64
 
 
@@ -24,8 +25,8 @@ FARTHEST = 1e140  # distances beyond this many standard deviations are all alike
 class Whitening:
     """Inverse Cholesky factors of K Gaussians, prepared once so that a density costs one matrix product.
 
-    With Σ_i = L_i L_iᵀ the distance of x to state i is |L_i⁻¹ (x − μ_i)|². Everything is written around `origin`, the mean of
-    the centres, because x and μ_i may both be 1e6 m away from the zero of their frame.
+    With Σ_i = L_i L_iᵀ the distance of x to state i is |L_i⁻¹ (x − μ_i)|². Everything is written around `origin`, the
+    mean of the centres, because x and μ_i may both be 1e6 m away from the zero of their frame.
 
     origin    (D,)      subtract it from x first
     factors   (K·D, D)  rows of all L_i⁻¹
@@ -72,7 +73,7 @@ def whitening(means: Array, covariances: Array) -> Whitening:
 def cholesky(covariances: Array) -> Array:
     """Lower factors (K, D, D); a state without one is named in a ParameterError."""
     try:
-        return np.linalg.cholesky(covariances)
+        return np.asarray(np.linalg.cholesky(covariances), dtype=np.float64)
     except np.linalg.LinAlgError:
         least = np.linalg.eigvalsh(covariances)[:, 0]
         state = int(np.argmin(least))
@@ -85,8 +86,8 @@ def cholesky(covariances: Array) -> Array:
 def log_density(x: Array, means: Array, covariances: Array) -> Array:
     """log N(x; μ_i, Σ_i) as (N, K): samples (N, D), means (K, D), covariances (K, D, D).
 
-    NaN in x means "missing": those samples get the density of the channels that are present (the marginal), and a sample
-    with nothing present gets log 1 = 0 for every state: no evidence.
+    NaN in x means "missing": those samples get the density of the channels that are present (the marginal), and a
+    sample with nothing present gets log 1 = 0 for every state: no evidence.
     """
     x = np.asarray(x, dtype=np.float64)
     missing = np.isnan(x)
@@ -102,7 +103,7 @@ def log_density(x: Array, means: Array, covariances: Array) -> Array:
     return out
 
 
-def marginal(means: Array, covariances: Array, indices: Sequence[int] | Array) -> tuple[Array, Array]:
+def marginal(means: Array, covariances: Array, indices: Sequence[int] | np.ndarray) -> tuple[Array, Array]:
     """Means (K, M) and covariances (K, M, M) of the M channels in `indices`: the others are integrated out."""
     index = np.asarray(indices, dtype=np.intp)
     return means[:, index], covariances[:, index[:, None], index[None, :]]
@@ -111,14 +112,26 @@ def marginal(means: Array, covariances: Array, indices: Sequence[int] | Array) -
 def floored(covariances: Array, floor: float) -> Array:
     """Raises every eigenvalue of (..., D, D) to at least `floor`.
 
-    This is the exact solution of "most likely Σ with Σ − floor·I ⪰ 0", so EM with it still never falls. It has a meaning
-    only where the channels share a unit: call it in standardised coordinates.
+    This is the exact solution of "most likely Σ with Σ − floor·I ⪰ 0", so EM with it still never falls. It has a
+    meaning only where the channels share a unit: call it in standardised coordinates.
     """
     values, vectors = np.linalg.eigh(covariances)
     if values.min() >= floor:
         return covariances
     lifted = (vectors * np.maximum(values, floor)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     return 0.5 * (lifted + np.swapaxes(lifted, -1, -2))
+
+
+def regularised(covariances: Array, means: Array) -> Array:
+    """The same covariances (K, D, D) where they are positive definite; else raised just enough to have a density.
+
+    For covariances that come from elsewhere, learned without a floor. Relative to each channel's spread in the whole
+    mixture, so it knows no units.
+    """
+    size = np.sqrt(np.einsum("kii->ki", covariances).mean(axis=0) + means.var(axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    unit = size[:, None] * size[None, :]
+    return floored(covariances / unit, LEAST_RATIO) * unit
 
 
 def log_sum_exp(values: Array, axis: int = -1) -> Array:

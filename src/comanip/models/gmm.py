@@ -79,6 +79,18 @@ def sample(model: Gmm, n: int, rng: np.random.Generator) -> Array:
     return model.means[states] + np.einsum("nij,nj->ni", factors[states], rng.standard_normal((n, model.n_channels)))
 
 
+def in_confidence_region(model: Gmm, x: Any, alpha: float) -> np.ndarray:
+    """(N,) true where frames x (N, D) are inside the region of their closest state that holds `alpha` of its samples.
+
+    Exact: D degrees of freedom. (The D − 1 of a well-known library holds less than it says.)
+    """
+    from scipy.stats import chi2
+
+    frames = _frames(model, x)
+    nearest = whitening(model.means, model.covariances).distances(frames).min(axis=1)
+    return nearest <= chi2(model.n_channels).ppf(alpha)
+
+
 def fit_gmm(
     sequences: Iterable[Any],
     n_states: int,
@@ -127,7 +139,7 @@ def fit_gmm(
 
 
 class _Mixture(NamedTuple):
-    weights: Array
+    weights: Any
     means: Array
     covariances: Array
 
@@ -138,7 +150,9 @@ def _expect(p: _Mixture, z: Array) -> tuple[float, Array]:
 
 
 def _maximise(gamma: Array, p: _Mixture, z: Array, floor: float) -> _Mixture:
-    return _Mixture(gamma.mean(axis=0), *weighted_gaussians(z, gamma, floor, (p.means, p.covariances)))
+    return _Mixture(
+        np.asarray(gamma.mean(axis=0), dtype=np.float64), *weighted_gaussians(z, gamma, floor, (p.means, p.covariances))
+    )
 
 
 def _from_model(lessons: Lessons, guess: Gmm, n_states: int, floor: float) -> _Mixture:
@@ -177,8 +191,12 @@ def _finished(p: _Mixture, trace: Array, converged: bool, *, lessons: Lessons) -
     )
 
 
-def _joint(model: Gmm, x: Any) -> Array:
+def _frames(model: Gmm, x: Any) -> Array:
     frames = np.asarray(x, dtype=np.float64)
     if frames.ndim != 2 or frames.shape[1] != model.n_channels:
         raise ChannelError(f"frames must be (N, {model.n_channels}) for channels {model.channels}; got {frames.shape}")
-    return log_density(frames, model.means, model.covariances) + np.log(np.maximum(model.weights, 1e-300))
+    return frames
+
+
+def _joint(model: Gmm, x: Any) -> Array:
+    return log_density(_frames(model, x), model.means, model.covariances) + np.log(np.maximum(model.weights, 1e-300))

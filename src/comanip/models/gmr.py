@@ -1,6 +1,6 @@
 """Gaussian mixture regression: any channels from any others, chosen by name when it is called.
 
-Eq. (5) is velocity from (position, force); eq. (6) is position from (force, velocity); both are `Regression` with other names.
+Eq. (5) is velocity from (position, force); eq. (6) is position from (force, velocity); both are `Regression`.
 """
 
 from __future__ import annotations
@@ -28,6 +28,30 @@ class Conditional(NamedTuple):
     covariance: Array
 
 
+class Lines(NamedTuple):
+    """One regression line a state: y_i(x) = gains[i] @ x + offsets[i], with covariances[i] around it."""
+
+    gains: Array
+    offsets: Array
+    covariances: Array
+
+
+def conditional_lines(
+    means: Array, covariances: Array, inputs: np.ndarray, outputs: np.ndarray, *, input_noise: Array | None = None
+) -> Lines:
+    """p(outputs | inputs) of K Gaussians, from means (K, D) and covariances (K, D, D), by column indices."""
+    i, o = inputs, outputs
+    sigma_ii = covariances[:, i[:, None], i[None, :]]
+    if input_noise is not None:
+        sigma_ii = sigma_ii + np.diag(input_noise)
+    sigma_io = covariances[:, i[:, None], o[None, :]]
+    sigma_oo = covariances[:, o[:, None], o[None, :]]
+    gains = np.ascontiguousarray(np.swapaxes(_solve(sigma_ii, sigma_io), 1, 2))
+    offsets = means[:, o] - np.einsum("koi,ki->ko", gains, means[:, i])
+    spread = sigma_oo - gains @ sigma_io
+    return Lines(gains, offsets, 0.5 * (spread + np.swapaxes(spread, 1, 2)))
+
+
 class Regression:
     """One split of a model's channels into inputs and outputs, prepared so that a tick costs two small products.
 
@@ -50,7 +74,7 @@ class Regression:
         *,
         input_noise: Mapping[str, float] | None = None,
     ) -> None:
-        """`input_noise`: variance to add to inputs by name (squared unit): what the sensor adds on line, or doubt in it."""
+        """`input_noise`: variance to add to inputs by name [unit²]: what the sensor adds on line, or doubt in it."""
         self.model = model
         self.inputs = expand(inputs, model.channels)
         self.outputs = expand(outputs, model.channels)
@@ -60,14 +84,10 @@ class Regression:
         self.input_index = _columns(self.inputs, model.channels)
         self.output_index = _columns(self.outputs, model.channels)
         i, o = self.input_index, self.output_index
-        sigma_ii = marginal(model.means, model.covariances, i)[1] + np.diag(_noise(input_noise, self.inputs))
-        sigma_io = model.covariances[:, i[:, None], o[None, :]]
-        sigma_oo = model.covariances[:, o[:, None], o[None, :]]
-        self.gains = np.swapaxes(_solve(sigma_ii, sigma_io), 1, 2).copy()
-        self.offsets = model.means[:, o] - np.einsum("koi,ki->ko", self.gains, model.means[:, i])
-        covariances = sigma_oo - self.gains @ sigma_io
-        self.covariances = 0.5 * (covariances + np.swapaxes(covariances, 1, 2))
-        self._input_means, self._input_covariances = model.means[:, i], sigma_ii
+        lines = conditional_lines(model.means, model.covariances, i, o, input_noise=_noise(input_noise, self.inputs))
+        self.gains, self.offsets, self.covariances = lines
+        self._input_means, self._input_covariances = marginal(model.means, model.covariances, i)
+        self._input_covariances = self._input_covariances + np.diag(_noise(input_noise, self.inputs))
         self._flat_gains = np.ascontiguousarray(self.gains.reshape(-1, len(i)))
         self._flat_offsets = self.offsets.reshape(-1).copy()
         self._lines = np.empty_like(self._flat_offsets)
@@ -159,8 +179,9 @@ def _noise(noise: Mapping[str, float] | None, inputs: tuple[str, ...]) -> Array:
 
 
 def _solve(sigma_ii: Array, sigma_io: Array) -> Array:
-    """(Σ^{II})⁻¹ Σ^{IO} per state. A singular input block gives the finite solution of a block with floored eigenvalues."""
+    """(Σ^{II})⁻¹ Σ^{IO} per state. A singular input block gets floored eigenvalues, so that the gains stay finite."""
     size = np.sqrt(np.einsum("kii->ki", sigma_ii))
+    size = np.where(size > 0.0, size, 1.0)
     correlation = sigma_ii / (size[:, :, None] * size[:, None, :])  # without units, so that one floor serves all
     values, vectors = np.linalg.eigh(correlation)
     values = np.maximum(values, LEAST_EIGENVALUE * values[:, -1:])

@@ -149,14 +149,16 @@ def fit_hmm(
 ) -> Fit[Hmm]:
     """Learns an Hmm from several demonstrations, each (T, D), by Baum-Welch; statistics are summed over demonstrations.
 
-    topology          which transitions exist: "left-right" (stay or go on), "cyclic" (the last goes on to the first), "free"
+    topology          which transitions exist: "left-right" (stay or go on), "cyclic" (the last goes on to the first),
+                      "free"
     initial_guess     "time" cuts each demonstration into K equal parts; "kmeans" needs rng; or an Hmm to go on from
     restarts          further guesses, moved at random; the most likely model wins; more than 1 needs rng
-    covariance_floor  least variance in any direction as a ratio of the channels' variance over all demonstrations: 1e-4 is
-                      1 % of the standard deviation, about 1 mm in a 0.3 m lift and 0.05 N at 5 N, near what sensors resolve
+    covariance_floor  least variance in any direction as a ratio of the channels' variance over all demonstrations: 1e-4
+                      is 1 % of the standard deviation, about 1 mm in a 0.3 m lift and 0.05 N at 5 N, near what sensors
+                      resolve
     transition_floor  least probability of an allowed transition
     tolerance         stop when the log-likelihood rises by less than this per frame
-    allow_constant    standard deviation to assume for a channel that never changes (or one by name); else it is an error
+    allow_constant    standard deviation to assume for a channel that never changes (or by name); else it is an error
     outlier_ratio     a few frames this many times farther out than all others are an error; numpy.inf accepts them
 
     States come out in order of time. Read `Fit.notes`: what was removed, skipped or suspicious is said there.
@@ -223,7 +225,7 @@ def _maximise(e: chains.Expectations, p: _Chain, z: Array, covariance_floor: flo
 
 
 def most_likely_rows(counts: Array, before: Array, floor: float) -> Array:
-    """Rows that maximise Σ counts log a, with a ≥ floor wherever `before` allows a transition. A row never left stays."""
+    """Rows that maximise Σ counts log a, with a ≥ floor where `before` allows a transition. A row never left stays."""
     rows = before.copy()
     for i in np.flatnonzero(counts.sum(axis=1) > 1e-10):
         row = counts[i] / counts[i].sum()

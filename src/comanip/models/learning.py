@@ -25,7 +25,7 @@ FALL = 1e-9  # relative fall of the likelihood that is rounding; more is a defec
 class Fit(Generic[Model]):
     """A model and how it was learned.
 
-    log_likelihood  (iterations + 1,) of all demonstrations together, in the channels' own units; the last belongs to `model`
+    log_likelihood  (iterations + 1,) of all demonstrations together, in the channels' own units; the last is of `model`
     converged       False when the iterations ran out
     notes           everything that was suspicious or changed, one sentence each
     bic             −2 log L + (free parameters) log N: smaller is better
@@ -52,9 +52,10 @@ def climb(
     max_iterations: int,
     rise: float,
 ) -> tuple[Parameters, Array, bool]:
-    """Expectation-maximisation until the log-likelihood rises by less than `rise`; never returns a model it has not scored.
+    """Expectation-maximisation until the log-likelihood rises by less than `rise`.
 
-    A likelihood that falls breaks a theorem, so it raises InternalError instead of being called convergence.
+    Never returns a model it has not scored. A likelihood that falls breaks a theorem, so it raises InternalError
+    instead of being called convergence.
     """
     if max_iterations < 0:
         raise ParameterError(f"max_iterations must not be negative; got {max_iterations!r}")
@@ -92,9 +93,10 @@ def weighted_gaussians(z: Array, weights: Array, floor: float, before: tuple[Arr
 
 
 def time_bins(lessons: Lessons, n_states: int, rng: np.random.Generator | None = None) -> np.ndarray:
-    """Labels (N,): every demonstration cut into K parts of equal time, the guess that suits a task with a beginning and an end.
+    """Labels (N,): every demonstration cut into K parts of equal time.
 
-    With `rng` the cuts are moved at random, for restarts.
+    The guess that suits a task with a beginning and an end: random starts mostly end far below it. With `rng` the cuts
+    are moved at random, for restarts.
     """
     cuts = np.arange(1, n_states) / n_states
     if rng is not None:
@@ -104,7 +106,7 @@ def time_bins(lessons: Lessons, n_states: int, rng: np.random.Generator | None =
 
 def k_means(z: Array, n_clusters: int, rng: np.random.Generator, max_iterations: int = 100) -> np.ndarray:
     """Labels (N,) by Lloyd's iterations from a k-means++ start."""
-    centres = z[rng.integers(len(z))][None, :]
+    centres = z[rng.integers(len(z))][None, :].copy()
     nearest = ((z - centres) ** 2).sum(axis=1)
     while len(centres) < n_clusters:
         total = nearest.sum()
@@ -138,9 +140,7 @@ def first_guess(lessons: Lessons, n_states: int, how: str, rng: np.random.Genera
     if how not in ("time", "kmeans"):
         raise ParameterError(f"initial_guess must be 'time', 'kmeans' or a model; got {how!r}")
     if rng is None and (jitter or how == "kmeans"):
-        raise ParameterError(
-            f"initial_guess={how!r} with restarts or k-means draws at random; pass rng=numpy.random.default_rng(seed)"
-        )
+        raise ParameterError("k-means and restarts draw at random; pass rng=numpy.random.default_rng(seed)")
     if how == "time":
         return time_bins(lessons, n_states, rng if jitter else None)
     assert rng is not None

@@ -1,7 +1,7 @@
 """Demonstrations made ready for learning: checked, and brought to coordinates without units.
 
-Learning happens in z = (x − mean) / spread, channel by channel over all demonstrations together. Then a change of unit or of
-world frame changes nothing but the last digits, and one relative floor serves metres and newtons alike.
+Learning happens in z = (x − mean) / spread, channel by channel over all demonstrations together. Then a change of unit
+or of world frame changes nothing but the last digits, and one relative floor serves metres and newtons alike.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Notes(list[str]):
 
 @dataclass(frozen=True, eq=False)
 class Lessons:
-    """z (N, D) standardised frames of S demonstrations stacked, lengths (S,), and the way back: x = offset + scale·z."""
+    """z (N, D) standardised frames of S demonstrations stacked, lengths (S,); the way back is x = offset + scale·z."""
 
     z: Array
     lengths: np.ndarray
@@ -146,8 +146,9 @@ def _refuse_outliers(x: Array, lengths: np.ndarray, names: tuple[str, ...], rati
         sequence = int(np.searchsorted(np.cumsum(lengths), row, side="right"))
         frame = row - int(lengths[:sequence].sum())
         raise TrainingError(
-            f"demonstration {sequence}, frame {frame}: {names[column]} is {x[row, column]:g}, more than {ratio:g} times "
-            f"farther out than the rest (within {reference[column]:.3g} of the median); cut the frame, or raise outlier_ratio"
+            f"demonstration {sequence}, frame {frame}: {names[column]} is {x[row, column]:g}, more than {ratio:g} "
+            f"times farther out than the rest (within {reference[column]:.3g} of the median); cut the frame, "
+            "or raise outlier_ratio"
         )
 
 
@@ -169,8 +170,8 @@ def _spread(
         stated = allow_constant.get(name) if isinstance(allow_constant, Mapping) else allow_constant
         if stated is None:
             raise TrainingError(
-                f"{name} is constant {x[0, column]:.3f} in all demonstrations ({n_demonstrations} of {n_demonstrations}): "
-                "a dead sensor? Leave the channel out, or state its noise with allow_constant=<standard deviation>"
+                f"{name} is constant {x[0, column]:.3f} in all demonstrations ({n_demonstrations} of them): a dead "
+                "sensor? Leave the channel out, or state its noise with allow_constant=<standard deviation>"
             )
         if not (np.isfinite(stated) and stated > 0.0):
             raise ParameterError(
