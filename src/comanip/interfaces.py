@@ -70,6 +70,11 @@ class Skill(Protocol):
         """Empty while the skill runs; else why it asks the loop to end."""
         ...
 
+    @property
+    def notice(self) -> str:
+        """What the person should know ("outside what was taught: complies only"); empty when all is well."""
+        ...
+
     def reset(self, obs: Observation) -> None:
         """Forgets everything: two runs from the same reset are equal."""
         ...

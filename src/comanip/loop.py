@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, Protocol
 
+import numpy as np
+
 from .errors import ParameterError
 from .interfaces import Command, Observation, Plant, Skill, Tap
 from .recording import Recorder, Recording
@@ -98,7 +100,8 @@ def run(
         estimator.step(obs)
     command.position[:] = obs.position
     skill.reset(obs)
-    recorder = Recorder(_layout(plant, skill))
+    observed = tuple(name for name in _OBSERVED if not np.isnan(getattr(obs, name)).all())  # what this plant measures
+    recorder = Recorder(_layout(plant, skill, observed))
     reason, late = "duration", 0.0
     with _collection_off():
         clock.start(plant.dt)
@@ -106,7 +109,7 @@ def run(
             for _ in range(max(1, round(duration_s / plant.dt))):
                 skill.step(obs, command)
                 plant.write(command)
-                _record(recorder, obs, command, plant, skill, late)
+                _record(recorder, observed, obs, command, plant, skill, late)
                 for tap in taps:
                     tap(obs, command)
                 reason = plant.stop_reason or skill.stop_reason
@@ -121,12 +124,13 @@ def run(
                 reason = "duration"
         except KeyboardInterrupt:
             reason = "interrupted"
-    return recorder.recording({**(metadata or {}), "stop_reason": reason, "dt_s": plant.dt})
+    notice = {"notice": skill.notice} if skill.notice else {}
+    return recorder.recording({**(metadata or {}), **notice, "stop_reason": reason, "dt_s": plant.dt})
 
 
-def _layout(plant: Plant, skill: Skill) -> dict[str, tuple[int, str, tuple[str, ...]]]:
+def _layout(plant: Plant, skill: Skill, observed: Sequence[str]) -> dict[str, tuple[int, str, tuple[str, ...]]]:
     d, axes = len(plant.axes), tuple(plant.axes)
-    layout = {f"hand.{name}": (d, unit, axes) for name, unit in _OBSERVED.items()}
+    layout = {f"hand.{name}": (d, _OBSERVED[name], axes) for name in observed}
     layout |= {f"command.{name}": (d, unit, axes) for name, unit in _COMMANDED.items()}
     layout |= {name: (len(array), unit, axes) for name, (array, unit) in plant.channels.items()}
     for name, array in skill.diagnostics.items():
@@ -137,9 +141,11 @@ def _layout(plant: Plant, skill: Skill) -> dict[str, tuple[int, str, tuple[str, 
     return layout
 
 
-def _record(recorder: Recorder, obs: Observation, command: Command, plant: Plant, skill: Skill, late: float) -> None:
+def _record(
+    recorder: Recorder, observed: Sequence[str], obs: Observation, command: Command, plant: Plant, skill: Skill, late: float
+) -> None:
     recorder.start_row(obs.time)
-    for name in _OBSERVED:
+    for name in observed:
         recorder.put(f"hand.{name}", getattr(obs, name))
     for name in _COMMANDED:
         recorder.put(f"command.{name}", getattr(command, name))

@@ -30,9 +30,7 @@ class TeacherHand:
 
     def __post_init__(self) -> None:
         if not (self.mass_kg > 0 and self.stiffness_n_per_m > 0):
-            raise ParameterError(
-                f"a hand needs mass and stiffness > 0; got {self.mass_kg} kg, {self.stiffness_n_per_m} N/m"
-            )
+            raise ParameterError(f"a hand needs mass and stiffness > 0; got {self.mass_kg} kg, {self.stiffness_n_per_m} N/m")
 
 
 @dataclass(frozen=True)

@@ -53,9 +53,7 @@ def within(lengths: Sequence[int] | Array) -> np.ndarray:
 
 
 @np.errstate(under="ignore")  # weights that vanish are meant to
-def forward_backward(
-    log_b: Array, lengths: Array, log_initial: Array, log_transition: Array
-) -> tuple[Array, Array, Array]:
+def forward_backward(log_b: Array, lengths: Array, log_initial: Array, log_transition: Array) -> tuple[Array, Array, Array]:
     """log α, log β (S, T, K) and log p(ξ_1..ξ_T) (S,).
 
     Eq. (4): α_t(j) = [Σ_i α_{t-1}(i) a_ij] b_j(ξ_t), α_1(i) = Π_i b_i(ξ_1).

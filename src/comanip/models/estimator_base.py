@@ -95,9 +95,7 @@ def checked_samples(values: Any, estimator: Any, least: int = 1) -> Array:
         kind = f"{x.ndim}D array" if x.ndim != 0 else "scalar array"
         raise EstimatorError(f"Expected 2D array, got {kind} instead of shape {x.shape}. Reshape your data: {advice}.")
     if x.shape[0] < least:
-        raise EstimatorError(
-            f"Found array with {len(x)} sample(s) (shape={x.shape}) while a minimum of {least} is required."
-        )
+        raise EstimatorError(f"Found array with {len(x)} sample(s) (shape={x.shape}) while a minimum of {least} is required.")
     if x.shape[1] < 1:
         raise EstimatorError(f"Found array with 0 feature(s) (shape={x.shape}) while a minimum of 1 is required.")
     if not np.isfinite(x).all():

@@ -186,9 +186,7 @@ class GaussianHMM(Estimator):
             self._covars_ = compressed(np.tile(pooled, (n, 1, 1)), np.full(n, 1.0 / n), self.covariance_type)
         scalars = self._n_parameters(d)
         if X.size < scalars:
-            _log.warning(
-                "Learning %d free parameters from %d numbers will result in a degenerate solution.", scalars, X.size
-            )
+            _log.warning("Learning %d free parameters from %d numbers will result in a degenerate solution.", scalars, X.size)
 
     def _needs(self, code: str, name: str, shown: str = "") -> bool:
         if code in self.init_params:
@@ -222,9 +220,7 @@ class GaussianHMM(Estimator):
         log_b = log_density(x, self.means_, covariances)
         if self.implementation == "scaling" and (log_b.max(axis=1) < -745.0).any():  # exp(-745) is the last above 0
             frame = int(log_b.max(axis=1).argmin())
-            raise EstimatorError(
-                f"implementation='scaling' cannot represent frame {frame}, which no state explains; use 'log'"
-            )
+            raise EstimatorError(f"implementation='scaling' cannot represent frame {frame}, which no state explains; use 'log'")
         return log_b
 
     def _maximise(self, x: Array, found: chains.Expectations) -> None:
@@ -355,13 +351,7 @@ class GaussianHMM(Estimator):
         if lengths is None:
             return np.array([n_samples])
         given = np.asarray(lengths)
-        if (
-            given.ndim == 1
-            and given.dtype.kind in "iu"
-            and len(given)
-            and (given > 0).all()
-            and given.sum() == n_samples
-        ):
+        if given.ndim == 1 and given.dtype.kind in "iu" and len(given) and (given > 0).all() and given.sum() == n_samples:
             return given.astype(np.intp)
         if target_allowed and len(given) == n_samples:
             return np.array([n_samples])

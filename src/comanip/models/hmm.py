@@ -97,9 +97,7 @@ def forward_backward(model: Hmm, sequence: Any) -> tuple[Array, Array, float]:
 def posteriors(model: Hmm, sequence: Any) -> Posteriors:
     """γ_t(i) of one sequence (T, D): uses the future too, so it is for analysis; `ForwardFilter` is for running."""
     log_b = log_density(_frames(model, sequence), model.means, model.covariances)[None]
-    found = chains.expectations(
-        log_b, np.array([log_b.shape[1]]), chains.log_of(model.initial), chains.log_of(model.transition)
-    )
+    found = chains.expectations(log_b, np.array([log_b.shape[1]]), chains.log_of(model.initial), chains.log_of(model.transition))
     return Posteriors(found.weights, float(found.log_likelihood[0]))
 
 
@@ -275,9 +273,7 @@ def _from_model(lessons: Lessons, guess: Hmm, n_states: int, allowed: np.ndarray
     return _Chain(guess.initial.copy(), rows / rows.sum(axis=1, keepdims=True), means, floored(covariances, floor))
 
 
-def _finished(
-    p: _Chain, trace: Array, converged: bool, *, lessons: Lessons, topology: str, allowed: np.ndarray
-) -> Fit[Hmm]:
+def _finished(p: _Chain, trace: Array, converged: bool, *, lessons: Lessons, topology: str, allowed: np.ndarray) -> Fit[Hmm]:
     """Back to the channels' units, states in order of time, unvisited ones removed and reported."""
     _, e = _expect(p, lessons)
     occupancy = e.weights.sum(axis=0)
@@ -297,9 +293,7 @@ def _finished(
     trace = trace - lessons.log_volume
     trace.setflags(write=False)
     n, d = means.shape
-    free = (0 if topology == "left-right" else n - 1) + int(
-        (allowed[np.ix_(order, order)].sum(axis=1) - 1).clip(0).sum()
-    )
+    free = (0 if topology == "left-right" else n - 1) + int((allowed[np.ix_(order, order)].sum(axis=1) - 1).clip(0).sum())
     free += n * d + n * d * (d + 1) // 2
     return Fit(
         model=Hmm(p.initial, p.transition, means, covariances, lessons.channels),

@@ -101,9 +101,7 @@ def _checked(values: Any, sequence: int, names: tuple[str, ...]) -> Array:
         raise TrainingError(f"demonstration {sequence} is not an array of numbers (T, {len(names)})") from None
     if x.ndim != 2 or x.shape[1] != len(names):
         hint = "; put a single demonstration into a list" if x.ndim == 1 else ""
-        raise ChannelError(
-            f"demonstration {sequence} has shape {x.shape}; channels {names} want (T, {len(names)}){hint}"
-        )
+        raise ChannelError(f"demonstration {sequence} has shape {x.shape}; channels {names} want (T, {len(names)}){hint}")
     with np.errstate(invalid="ignore"):
         bad = np.argwhere(~(np.abs(x) < BEYOND_ANY_SENSOR))
     if len(bad):
@@ -174,9 +172,7 @@ def _spread(
                 "sensor? Leave the channel out, or state its noise with allow_constant=<standard deviation>"
             )
         if not (np.isfinite(stated) and stated > 0.0):
-            raise ParameterError(
-                f"allow_constant is a standard deviation above 0 in the channel's unit; got {stated!r}"
-            )
+            raise ParameterError(f"allow_constant is a standard deviation above 0 in the channel's unit; got {stated!r}")
         scale[column] = stated / np.sqrt(covariance_floor)  # so that the relative floor becomes the stated one
         notes.say(f"{name} is constant {x[0, column]:.3f}; trained with the stated standard deviation {stated:g}")
     return scale

@@ -175,9 +175,7 @@ class GMM:
             share = gamma / (gamma.sum(axis=0) + 10.0 * np.finfo(float).eps)
             self.priors = gamma.sum(axis=0) / gamma.sum()
             self.means = share.T @ x
-            self.covariances = np.array(
-                [(share[:, k, None] * (x - mean)).T @ (x - mean) for k, mean in enumerate(self.means)]
-            )
+            self.covariances = np.array([(share[:, k, None] * (x - mean)).T @ (x - mean) for k, mean in enumerate(self.means)])
             if oracle_approximating_shrinkage:
                 self.apply_oracle_approximating_shrinkage(share.sum(axis=0) ** 2 / (share**2).sum(axis=0))
         return self

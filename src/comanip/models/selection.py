@@ -27,8 +27,7 @@ class Selection:
 
     def __str__(self) -> str:
         rows = [
-            f"{k:4d}  {s:14.4f}{'  <' if k == self.n_states else ''}"
-            for k, s in zip(self.candidates, self.scores, strict=True)
+            f"{k:4d}  {s:14.4f}{'  <' if k == self.n_states else ''}" for k, s in zip(self.candidates, self.scores, strict=True)
         ]
         return "\n".join([f"   K  {self.criterion}", *rows])
 
@@ -62,9 +61,7 @@ def select_states(
     return Selection(tried[int(table.argmin())], tried, table, criterion)
 
 
-def _left_out(
-    sequences: Sequence[Any], k: int, names: tuple[str, ...], folds: int | None, options: dict[str, Any]
-) -> float:
+def _left_out(sequences: Sequence[Any], k: int, names: tuple[str, ...], folds: int | None, options: dict[str, Any]) -> float:
     """−log-likelihood per frame over all demonstrations, each scored by a model that has not seen it."""
     folds = len(sequences) if folds is None else folds
     if not 2 <= folds <= len(sequences):

@@ -86,9 +86,7 @@ class _TransverseAxis:
         self.tilt_acceleration = (
             moment - beam.wrist_stiffness_nm_per_rad * self.tilt - beam.wrist_damping_nms_per_rad * self.tilt_rate
         ) / self.inertia
-        self.sensor_force = partner_force - m * (
-            self.gravity + self.acceleration + 0.5 * length * self.tilt_acceleration
-        )
+        self.sensor_force = partner_force - m * (self.gravity + self.acceleration + 0.5 * length * self.tilt_acceleration)
         tilt, rate, pull = self.tilt, self.tilt_rate, moment / self.inertia
         one = self.tilting
         self.tilt = one.yy * tilt + one.yv * rate + one.yu * pull
@@ -141,9 +139,7 @@ class BeamPlant:
         if self._start.shape != (d,):
             raise ParameterError(f"start_position needs {d} values for axes {self.axes}; got {self._start.shape}")
         self._state = [
-            (_AxialAxis if name == axial else _TransverseAxis)(
-                beam, STANDARD_GRAVITY if name == "z" else 0.0, self._step
-            )
+            (_AxialAxis if name == axial else _TransverseAxis)(beam, STANDARD_GRAVITY if name == "z" else 0.0, self._step)
             for name in self.axes
         ]
         self._commanded = np.zeros(d)

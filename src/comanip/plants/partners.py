@@ -83,8 +83,7 @@ class Arm:
     def __post_init__(self) -> None:
         if not (self.stiffness_n_per_m > 0 and self.damping_ns_per_m >= 0):
             raise ParameterError(
-                f"an arm needs stiffness > 0 and damping >= 0; got {self.stiffness_n_per_m} N/m, "
-                f"{self.damping_ns_per_m} N s/m"
+                f"an arm needs stiffness > 0 and damping >= 0; got {self.stiffness_n_per_m} N/m, {self.damping_ns_per_m} N s/m"
             )
 
 
@@ -113,9 +112,7 @@ class Yielding:
 class _Human:
     """What both models share: the arm, the axes, the noise."""
 
-    def __init__(
-        self, arm: Arm, *, axes: tuple[str, ...], moving: str, substep_s: float, rng: np.random.Generator
-    ) -> None:
+    def __init__(self, arm: Arm, *, axes: tuple[str, ...], moving: str, substep_s: float, rng: np.random.Generator) -> None:
         self.arm, self.axes = arm, axes
         self._step = substep_s
         self._moving = tuple(1.0 if name == moving else 0.0 for name in axes)
@@ -216,6 +213,4 @@ class HumanFollower(_Human):
 def dyad(rng: np.random.Generator, arm: Arm, spread: float = 0.15) -> Arm:
     """The same person on another day: stiffness and damping vary together by `spread` (1 s.d.)."""
     factor = float(np.clip(rng.normal(1.0, spread), 0.5, 1.5))
-    return replace(
-        arm, stiffness_n_per_m=arm.stiffness_n_per_m * factor, damping_ns_per_m=arm.damping_ns_per_m * factor
-    )
+    return replace(arm, stiffness_n_per_m=arm.stiffness_n_per_m * factor, damping_ns_per_m=arm.damping_ns_per_m * factor)

@@ -19,6 +19,9 @@ class Teleoperation:
     F_s is the RAW sensor force, so the teacher feels the load's weight scaled by K_f. U must be orthonormal with det +1.
     """
 
+    notice = ""
+    stop_reason = ""
+
     def __init__(
         self,
         device: HapticDevice,
@@ -46,10 +49,6 @@ class Teleoperation:
     @property
     def diagnostics(self) -> Mapping[str, Array]:
         return self._diagnostics
-
-    @property
-    def stop_reason(self) -> str:
-        return ""
 
     def reset(self, obs: Observation) -> None:
         self._device.reset()
