@@ -20,7 +20,7 @@ from .models.hmm import Hmm, fit_hmm
 from .recording import frozen
 
 LAWS = ("default", "paper")
-STATES = {"default": 8, "paper": 5}  # 5 is the paper's; 8 predicts better on every set that was tried (docs/results.md)
+STATES = {"default": 10, "paper": 5}  # 5 is the paper's; 10 predicts better on every set that was tried (docs/results.md)
 ALLOWED_DT_S = (0.0002, 0.05)
 
 
@@ -85,7 +85,7 @@ def learn(
 ) -> LearnedSkill:
     """A skill from several lessons of one role; milliseconds for five lessons of a few seconds.
 
-    n_states   default 8 (law "default") or 5 (law "paper"); `models.selection.select_states` chooses by data
+    n_states   default 10 (law "default") or 5 (law "paper"); `models.selection.select_states` chooses by data
     role       must agree with what the lessons say of themselves; None takes their word
     with_force False learns position and velocity only (the paper's footnote 3)
 
