@@ -76,9 +76,7 @@ def align(
     return tuple(lesson if lesson is target else _warped(lesson, target, by, spread, band) for lesson in lessons)
 
 
-def _warped(
-    lesson: Demonstration, target: Demonstration, by: tuple[str, ...], spread: Array, band: float
-) -> Demonstration:
+def _warped(lesson: Demonstration, target: Demonstration, by: tuple[str, ...], spread: Array, band: float) -> Demonstration:
     i, j = warping_path(target.array(by) / spread, lesson.array(by) / spread, band=band)
     share = np.bincount(i, minlength=len(target))[:, None]
     signals = {}

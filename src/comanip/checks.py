@@ -203,9 +203,7 @@ def check_velocity(
             raise RecordingError(f"{line}, at best {best:.2f}: it is not that derivative; {remedy}")
         # The lag counts only where shifting explains at least half of what is left unexplained.
         if abs(lag) >= max(LAG_WARNED, 2.0 * dt) and 1.0 - best**2 < 0.5 * (1.0 - correlation**2):
-            late = (
-                f"{line}, {best:.2f} when shifted by {lag * 1e3:.0f} ms: velocity is {'late' if lag > 0 else 'early'}"
-            )
+            late = f"{line}, {best:.2f} when shifted by {lag * 1e3:.0f} ms: velocity is {'late' if lag > 0 else 'early'}"
             if abs(lag) >= LAG_REFUSED:
                 raise RecordingError(f"{late}; {remedy}")
             suspect(notes, late)
@@ -232,9 +230,7 @@ def _check_factors(where: str, factors: dict[str, float], rate_hz: float, notes:
         return
     text = ", ".join(f"{axis} {f:.3g}x" for axis, f in wrong.items())
     if any(not 0.02 < f < 50.0 for f in wrong.values()):
-        raise RecordingError(
-            f"{where}: d(position)/dt is {text} the velocity: units? state position_unit, velocity_unit"
-        )
+        raise RecordingError(f"{where}: d(position)/dt is {text} the velocity: units? state position_unit, velocity_unit")
     suspect(
         notes,
         f"{where}: velocity channel disagrees with d(position)/dt by {text}: "
@@ -261,9 +257,7 @@ def check_force(where: str, force: Array, velocity: Array, dt: float, role: str,
         bias = window.mean(axis=0)
         if np.abs(bias).max() > BIAS_WARNED:
             listed = ", ".join(f"{b:.2f}" for b in bias)
-            suspect(
-                notes, f"{where}: force at rest is {listed} N: a bias, a wrong sign or the object's weight? tare it"
-            )
+            suspect(notes, f"{where}: force at rest is {listed} N: a bias, a wrong sign or the object's weight? tare it")
     moved, pushed = velocity.ravel(), (force - bias).ravel()
     norm = float(np.sqrt((moved @ moved) * (pushed @ pushed)))
     along = float(moved @ pushed) / norm if norm > 0.0 else 0.0

@@ -171,9 +171,7 @@ def demonstration(recording: Recording, preparation: Preparation | None = None, 
     """
     pieces = _pieces(recording, _changed(preparation, changes))
     if len(pieces) > 1:
-        raise RecordingError(
-            f"{_where(recording)}: split_gaps makes {len(pieces)} demonstrations of it; call demonstrations()"
-        )
+        raise RecordingError(f"{_where(recording)}: split_gaps makes {len(pieces)} demonstrations of it; call demonstrations()")
     return pieces[0]
 
 
@@ -273,8 +271,7 @@ def _channels(recording: Recording, where: str, chosen: Preparation, notes: list
     found = {n: recording[f"hand.{n}"] for n in _KIND if f"hand.{n}" in recording}
     if "force" in found and chosen.payload is not None and "sensor_force" not in found:
         raise ChannelError(
-            f"{where}: a payload is given, but hand.force is the interaction force F already; "
-            "map the raw F_s as sensor_force"
+            f"{where}: a payload is given, but hand.force is the interaction force F already; map the raw F_s as sensor_force"
         )
     if "force" in found and chosen.payload is None:
         found.pop("sensor_force", None)
@@ -383,18 +380,14 @@ def _interaction(
     gravity = np.array(chosen.gravity) if chosen.gravity is not None else gravity_along(axes)
     bias = np.array(payload.force_bias_n) if payload.force_bias_n else np.zeros(len(axes))
     if gravity.shape != (len(axes),) or bias.shape != (len(axes),):
-        raise ParameterError(
-            f"{where}: gravity {gravity.shape} and bias {bias.shape} need one entry an axis, {len(axes)}"
-        )
+        raise ParameterError(f"{where}: gravity {gravity.shape} and bias {bias.shape} need one entry an axis, {len(axes)}")
     acceleration = smooth(differentiate(signals["velocity"], dt), dt, cutoff)
     sensed = smooth(signals["sensor_force"] - bias, dt, cutoff)
     notes.append(
         f"force from eq. (3): mass {payload.mass_kg:g} kg, share {chosen.load_share:g}, bias {bias.tolist()} N, "
         f"zero-phase low-pass {cutoff:.4g} Hz on F_s and acceleration"
     )
-    return interaction_force(
-        sensed, acceleration, mass_kg=payload.mass_kg, load_share=chosen.load_share, gravity=gravity
-    )
+    return interaction_force(sensed, acceleration, mass_kg=payload.mass_kg, load_share=chosen.load_share, gravity=gravity)
 
 
 def _trimmed(signals: dict[str, Array], dt: float, keep_s: float | None, notes: list[str]) -> dict[str, Array]:

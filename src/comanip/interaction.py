@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -200,3 +201,62 @@ class CausalInteractionForce:
             if self._average and last == last:
                 force = 0.5 * (force + last)
             obs.force[i] = section.step(force + self._load * acceleration + self._offset[i])
+
+
+class TaringInteractionForce:
+    """`CausalInteractionForce` that weighs the object first (the paper's footnote 2, on line).
+
+    For the first `tare_s` of a run, while the hand rests and both partners hold, it averages F_s and reports F = 0. The part
+    along gravity becomes the mass, the rest a bias; so at rest F starts from zero whatever the object weighs and the sensor is off by.
+    (A bias along gravity is taken for mass: 1 N looks like 0.2 kg at a share of 1/2.) Motion or a force that is not finite ends
+    the tare early; with less than 3 good ticks the stated mass is used. `payload_kg` is what it found.
+    """
+
+    def __init__(
+        self,
+        dt: float,
+        *,
+        gravity: Sequence[float],
+        mass_kg: float = 2.0,
+        load_share: float = 0.5,
+        tare_s: float = 0.25,
+        moving_m_per_s: float = 0.01,
+        **filtering: Any,
+    ) -> None:
+        self._dt, self._gravity, self._stated, self._share = dt, list(gravity), mass_kg, load_share
+        self._ticks, self._moving, self._filtering = round(tare_s / dt), moving_m_per_s, filtering
+        self.reset()
+
+    def reset(self) -> None:
+        self._sum, self._count, self._ready = [0.0] * len(self._gravity), 0, False
+        self.payload_kg = self._stated
+        self._force: CausalInteractionForce | None = None
+
+    def step(self, obs: Observation) -> None:
+        if self._force is None:
+            forces = obs.sensor_force.tolist()
+            at_rest = all(abs(v) < self._moving for v in obs.velocity.tolist())
+            if self._count < self._ticks and at_rest and all(math.isfinite(f) for f in forces):
+                self._sum = [total + f for total, f in zip(self._sum, forces, strict=True)]
+                self._count += 1
+                obs.force[:] = 0.0
+                return
+            self._force = self._weighed()
+        self._force.step(obs)
+
+    def _weighed(self) -> CausalInteractionForce:
+        g2 = sum(g * g for g in self._gravity)
+        bias = [0.0] * len(self._gravity)
+        if self._count >= 3 and g2 > 0.0:
+            mean = [total / self._count for total in self._sum]
+            along = sum(f * g for f, g in zip(mean, self._gravity, strict=True)) / g2  # F_s = s m g at rest
+            self.payload_kg = max(along / self._share, 0.0)
+            bias = [f - self._share * self.payload_kg * g for f, g in zip(mean, self._gravity, strict=True)]
+        return CausalInteractionForce(
+            self._dt,
+            mass_kg=self.payload_kg,
+            gravity=self._gravity,
+            load_share=self._share,
+            bias=bias,
+            **self._filtering,
+        )

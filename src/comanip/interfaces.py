@@ -4,9 +4,9 @@ One loop serves teaching and reproduction (see `comanip.loop.run`):
 
     plant.read(obs) -> skill.step(obs, command) -> plant.write(command) -> record -> taps -> plant.advance()
 
-Frames and signs. d task axes, each with a name ("z" is vertical, up positive); 1-D is d = 1 and nothing special. A force is
-what the PARTNER does to the robot's hand through the object, so `force > 0` when the partner lifts while the hand is still.
-A missing or untrusted value is NaN: a skill must expect any of them to be NaN at any tick.
+Frames and signs. d task axes, each with a name ("z" is vertical, up positive); 1-D is d = 1 and nothing special. A force
+is what the PARTNER does to the robot's hand through the object, so `force > 0` when the partner lifts while the hand is
+still. A missing or untrusted value is NaN: a skill must expect any of them to be NaN at any tick.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ class Observation:
 class Command:
     """What the robot is asked to do until the next tick, written in place.
 
-    position, velocity, acceleration   (d,) reference for the hand [m], [m/s], [m/s^2]; a plant may follow the velocity alone
+    position, velocity, acceleration   (d,) reference for the hand [m], [m/s], [m/s^2]; a plant may follow the
+                                       velocity alone
     """
 
     __slots__ = ("acceleration", "position", "velocity")
@@ -67,6 +68,11 @@ class Skill(Protocol):
     @property
     def stop_reason(self) -> str:
         """Empty while the skill runs; else why it asks the loop to end."""
+        ...
+
+    @property
+    def notice(self) -> str:
+        """What the person should know ("outside what was taught: complies only"); empty when all is well."""
         ...
 
     def reset(self, obs: Observation) -> None:

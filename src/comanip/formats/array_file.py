@@ -67,9 +67,7 @@ class ArrayTree:
             return np.asarray(value)[parts if len(parts) > 1 else parts[0]]
         except (ValueError, IndexError, TypeError):
             shape = np.asarray(value).shape
-            raise ChannelError(
-                f"{self.path}: {name!r}: no part [{text}] in shape {shape}; use 0-based indices"
-            ) from None
+            raise ChannelError(f"{self.path}: {name!r}: no part [{text}] in shape {shape}; use 0-based indices") from None
 
     def _numeric(self, name: str, value: Any) -> Array:
         array = np.asarray(value)

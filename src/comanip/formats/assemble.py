@@ -198,9 +198,7 @@ def _channel(
     base = "force" if kind == "sensor_force" else kind
     if len(time) != len(values):
         raise ChannelError(f"{where}: got {values.shape}, want ({len(time)}, d): as many frames as the other columns")
-    axes = columns.axes or axes_of(
-        [*columns.position, *columns.velocity, *columns.force][: values.shape[1]], values.shape[1]
-    )
+    axes = columns.axes or axes_of([*columns.position, *columns.velocity, *columns.force][: values.shape[1]], values.shape[1])
     if len(axes) != values.shape[1] and kind:
         raise ChannelError(f"{where}: {values.shape[1]} columns for the axes {', '.join(axes)}; map one column an axis")
     if not kind:
@@ -273,9 +271,7 @@ def _picked(path: Path, recording: Recording, expressions: tuple[str, ...], axes
             raise unknown(str(path), name, [*recording.channels, *scalars])
     first = picked[0][1]
     if any(not np.array_equal(c.time, first.time) for _, c, _ in picked):
-        raise ChannelError(
-            f"{path}: {', '.join(expressions)} have different stamps; map channels of one clock together"
-        )
+        raise ChannelError(f"{path}: {', '.join(expressions)} have different stamps; map channels of one clock together")
     values = np.stack([sign * c.values[:, i] for sign, c, i in picked], axis=1)
     return Channel(first.time, values, first.unit, first.frame, axes or tuple(c.axes[i] for _, c, i in picked))
 

@@ -77,9 +77,7 @@ def decode(schema: str, axes: Sequence[str], messages: Sequence[bytes]) -> Array
     width = _STAMPED.get(schema, len(axes))
     sizes = {len(m) for m in messages}
     if len(sizes) > 1 or schema not in SCHEMAS or (sizes and min(sizes) < 8 * width + 4):
-        raise RecordingError(
-            f"{schema} messages of {sorted(sizes)} bytes for the axes {', '.join(axes)}: not written by us"
-        )
+        raise RecordingError(f"{schema} messages of {sorted(sizes)} bytes for the axes {', '.join(axes)}: not written by us")
     if not messages:
         return np.empty((0, len(axes)))
     size = sizes.pop()

@@ -171,9 +171,7 @@ def recognise(names: Iterable[str]) -> dict[str, dict[str, str]]:
             if match:
                 axis = next((g for g in match.groups() if g), "")
                 if axis in found.setdefault(kind, {}):
-                    raise ChannelError(
-                        f"columns {found[kind][axis]!r} and {name!r} could both be the {kind}; say which"
-                    )
+                    raise ChannelError(f"columns {found[kind][axis]!r} and {name!r} could both be the {kind}; say which")
                 found[kind][axis] = name
     return found
 

@@ -21,9 +21,7 @@ from ..recording import Channel, Recording
 from .columns import UNITS, sign_and_name, unit_in, unknown
 
 SIGNATURE = "# comanip recording "
-_NUMBER = re.compile(
-    r"^\s*[-+]?(?:\d+[.,]?\d*(?:[eEdD][-+]?\d+)?|[.,]\d+(?:[eE][-+]?\d+)?|nan|inf(?:inity)?)?\s*$", re.I
-)
+_NUMBER = re.compile(r"^\s*[-+]?(?:\d+[.,]?\d*(?:[eEdD][-+]?\d+)?|[.,]\d+(?:[eE][-+]?\d+)?|nan|inf(?:inity)?)?\s*$", re.I)
 
 
 class CsvTable:
@@ -102,9 +100,7 @@ class CsvTable:
     def _index(self, name: str) -> int:
         bare = [unit_in(n)[0] for n in self._names]
         for names in (self._names, bare, [n.lower() for n in self._names], [n.lower() for n in bare]):
-            hits = [
-                i for i, n in enumerate(names) if n == (name if names is self._names or names is bare else name.lower())
-            ]
+            hits = [i for i, n in enumerate(names) if n == (name if names is self._names or names is bare else name.lower())]
             if len(hits) > 1:
                 raise ChannelError(f"{self.path}: {len(hits)} columns are called {name!r}; use the index: {hits}")
             if hits:
@@ -219,9 +215,7 @@ def read_own_csv(path: Path, text: str) -> Recording:
         metadata = dict(head["metadata"])
         version = int(head["version"])
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise RecordingError(
-            f"{path}: line 1 is a damaged comanip header ({error}); delete it to read plain CSV"
-        ) from None
+        raise RecordingError(f"{path}: line 1 is a damaged comanip header ({error}); delete it to read plain CSV") from None
     if version > 1:
         raise RecordingError(f"{path}: written as version {version}; this comanip reads up to 1: update comanip")
     rows = list(csv.reader(io.StringIO(rest, newline="")))[1:]

@@ -32,9 +32,7 @@ def write_mcap(recording: Recording, path: Path) -> None:
 
     channels = recording.channels
     stamps, shift = _nanoseconds(path, recording)
-    part = path.with_name(
-        f".{os.getpid()}-{hashlib.sha256(path.name.encode('utf-8', 'surrogatepass')).hexdigest()[:8]}"
-    )
+    part = path.with_name(f".{os.getpid()}-{hashlib.sha256(path.name.encode('utf-8', 'surrogatepass')).hexdigest()[:8]}")
     try:
         with part.open("wb") as out:
             writer = Writer(out, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True)
@@ -73,9 +71,7 @@ def _summary(path: Path, recording: Recording, shift: int) -> dict[str, str]:
             "version": str(VERSION),
             "recording": json.dumps(dict(recording.metadata)),
             "channels": json.dumps(layout),
-            "clock": json.dumps(
-                [shift, min(e[0] for e in ends), max(e[1] for e in ends)] if ends else [shift, 0.0, 0.0]
-            ),
+            "clock": json.dumps([shift, min(e[0] for e in ends), max(e[1] for e in ends)] if ends else [shift, 0.0, 0.0]),
         }
     except (TypeError, ValueError) as error:
         raise RecordingError(f"{path}: the metadata must be plain JSON values: {error}") from None
@@ -143,9 +139,7 @@ def _own(path: Path, walk: Walk, recover: bool) -> Recording:
         fault(path, walk, "the metadata record is damaged (its sha256 does not match)", recover)
         texts = {}
     if int(texts.get("version", VERSION)) > VERSION:
-        raise RecordingError(
-            f"{path}: written as version {texts['version']}; this comanip reads up to {VERSION}: update it"
-        )
+        raise RecordingError(f"{path}: written as version {texts['version']}; this comanip reads up to {VERSION}: update it")
     shift, first, last = json.loads(texts.get("clock", "[0, 0.0, 0.0]"))
     layout = json.loads(texts.get("channels", "{}"))
     channels = {n: Channel(np.empty(0), np.empty((0, len(a))), u, f, tuple(a)) for n, (u, f, a, _) in layout.items()}

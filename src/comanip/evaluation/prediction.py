@@ -1,0 +1,163 @@
+"""How well a skill's model predicts recordings: the numbers of `comanip evaluate` and `comanip classify`.
+
+one step   v_hat of eq. (5) from this frame's position and force; the state weights of eq. (4) have seen position and force up to
+           this frame and velocity up to the frame BEFORE it, so nothing that is predicted is given
+free run   from the first frame on only the recorded force is given; position and velocity are the model's own. Weights come from
+           position and force alone: a model that listens to its own velocity locks itself into one state
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..demonstration import Demonstration
+from ..errors import ChannelError, ParameterError
+from ..interfaces import Array
+from ..learned import LearnedSkill, learn
+from ..loop import run
+from ..models.filtering import ForwardFilter
+from ..models.gmr import Regression
+from ..models.hmm import log_likelihood
+from ..plants.replay import ReplayPlant
+from ..skills.paper import PaperLaw, PaperSkill, law_from
+
+FREE_RUN = PaperLaw(weight_channels=("position", "force"), attraction_per_s=1.0, gain="constant", target_position="predicted")
+
+
+class Prediction(NamedTuple):
+    """One file. Velocity figures per axis and over all axes; positions in m."""
+
+    name: str
+    frames: int
+    log_likelihood_per_frame: float
+    one_step_velocity_r2: float
+    one_step_velocity_r2_per_axis: list[float]
+    one_step_velocity_rmse: float
+    one_step_velocity_rmse_per_axis: list[float]
+    free_run_position_rmse_m: float
+    free_run_end_error_m: float
+
+
+OVERALL = (
+    "one_step_velocity_r2",
+    "one_step_velocity_rmse",
+    "free_run_position_rmse_m",
+    "free_run_end_error_m",
+    "log_likelihood_per_frame",
+)
+
+
+def predict(learned: LearnedSkill, lesson: Demonstration) -> Prediction:
+    """All figures for one lesson at the skill's own rate."""
+    frames = _frames(learned, lesson)
+    likelihood = float(log_likelihood(learned.model, [frames])[0])
+    r2, r2_axes, rmse, rmse_axes = _fit_of(one_step_velocity(learned, lesson), lesson.velocity)
+    path = free_run(learned, lesson)
+    apart = path - lesson.position
+    return Prediction(
+        name=lesson.name,
+        frames=len(lesson),
+        log_likelihood_per_frame=likelihood / len(lesson),
+        one_step_velocity_r2=r2,
+        one_step_velocity_r2_per_axis=r2_axes,
+        one_step_velocity_rmse=rmse,
+        one_step_velocity_rmse_per_axis=rmse_axes,
+        free_run_position_rmse_m=float(np.sqrt((apart**2).sum(axis=1).mean())),
+        free_run_end_error_m=float(np.linalg.norm(apart[-1])),
+    )
+
+
+def overall(predictions: Sequence[Prediction]) -> dict[str, float]:
+    """Means over the files."""
+    return {name: float(np.mean([getattr(p, name) for p in predictions])) for name in OVERALL}
+
+
+def one_step_velocity(learned: LearnedSkill, lesson: Demonstration) -> Array:
+    """(T, d) v_hat of eq. (5)."""
+    frames, model = _frames(learned, lesson), learned.model
+    inputs = [c for c in model.channels if not c.startswith("velocity.")]
+    regression = Regression(model, inputs, "velocity")
+    given = [model.channels.index(c) for c in regression.inputs]
+    moving = [i for i, c in enumerate(model.channels) if c.startswith("velocity.")]
+    seen = frames.copy()
+    seen[1:, moving] = frames[:-1, moving]
+    seen[0, moving] = np.nan
+    forward = ForwardFilter(model)
+    return np.array([regression.mean(forward.step(xi), x).copy() for xi, x in zip(seen, frames[:, given], strict=True)])
+
+
+def free_run(learned: LearnedSkill, lesson: Demonstration) -> Array:
+    """(T, d) the path from the lesson's first position under its recorded force. A skill of law "paper" runs that law."""
+    law = law_from(learned.settings) if learned.law == "paper" else FREE_RUN
+    if not learned.has_force:
+        law = PaperLaw(**{**law.__dict__, "weight_channels": ("position",)}) if learned.law != "paper" else law
+    force = lesson.force if learned.has_force else np.zeros_like(lesson.position)
+    plant = ReplayPlant(force, dt=lesson.dt, start_position=lesson.position[0], axes=learned.axes)
+    skill = PaperSkill(
+        learned.model,
+        axes=learned.axes,
+        dt=lesson.dt,
+        model_dt=learned.dt,
+        workspace=learned.workspace,
+        law=law,
+    )
+    return np.array(run(plant, skill, duration_s=len(lesson) * lesson.dt)["hand.position"].values)
+
+
+def leave_one_out(
+    lessons: Sequence[Demonstration],
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    **learning: Any,
+) -> list[Prediction]:
+    """Each lesson predicted by a skill learned from all the others. `learning` goes to `learn`."""
+    if len(lessons) < 2:
+        raise ParameterError(f"leave-one-out needs at least 2 recordings; got {len(lessons)}")
+    found = []
+    for i, lesson in enumerate(lessons):
+        others = [other for j, other in enumerate(lessons) if j != i]
+        found.append(predict(learn(others, **learning), lesson))
+        if progress is not None:
+            progress(i + 1, len(lessons))
+    return found
+
+
+def classify(skills: Sequence[LearnedSkill], lesson: Demonstration) -> Array:
+    """(S,) posterior of each skill given the whole lesson, equal priors.
+
+    Likelihoods are compared over the channels that all skills share, so a skill with fewer channels gets no advantage.
+    """
+    shared = [c for c in skills[0].model.channels if all(c in s.model.channels for s in skills)]
+    if not shared:
+        raise ChannelError("the skills share no channel, so their likelihoods cannot be compared")
+    scores = np.array([_shared_likelihood(s, lesson, shared) for s in skills])
+    weights = np.exp(scores - scores.max())
+    return np.asarray(weights / weights.sum())
+
+
+def _shared_likelihood(learned: LearnedSkill, lesson: Demonstration, shared: Sequence[str]) -> float:
+    frames = np.full((len(lesson), learned.model.n_channels), np.nan)
+    columns = [learned.model.channels.index(c) for c in shared]
+    frames[:, columns] = lesson.array(shared)
+    return float(log_likelihood(learned.model, [frames])[0])
+
+
+def _frames(learned: LearnedSkill, lesson: Demonstration) -> Array:
+    if abs(lesson.dt / learned.dt - 1.0) > 0.01:
+        raise ParameterError(
+            f"{lesson.name} has {1 / lesson.dt:g} Hz and the skill was learned at {1 / learned.dt:g} Hz; resample with --rate-hz"
+        )
+    return lesson.array(learned.model.channels)
+
+
+def _fit_of(predicted: Array, actual: Array) -> tuple[float, list[float], float, list[float]]:
+    """R^2 over all axes and per axis, RMSE over all axes and per axis. An axis that never moves has no R^2 (nan)."""
+    wrong = ((predicted - actual) ** 2).sum(axis=0)
+    spread = ((actual - actual.mean(axis=0)) ** 2).sum(axis=0)
+    per_axis = [float(1.0 - w / s) if s > 0 else float("nan") for w, s in zip(wrong, spread, strict=True)]
+    total = float(1.0 - wrong.sum() / spread.sum()) if spread.sum() > 0 else float("nan")
+    rmse_axes = np.sqrt(wrong / len(actual))
+    return total, per_axis, float(np.sqrt(wrong.sum() / len(actual))), [float(v) for v in rmse_axes]

@@ -1,0 +1,156 @@
+"""The one loop: read, estimate, step, write, record, taps, advance. Teaching and reproduction are the same run."""
+
+from __future__ import annotations
+
+import gc
+import time as _time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+import numpy as np
+
+from .errors import ParameterError
+from .interfaces import Command, Observation, Plant, Skill, Tap
+from .recording import Recorder, Recording
+
+_OBSERVED = {"position": "m", "velocity": "m/s", "sensor_force": "N", "force": "N"}
+_COMMANDED = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+
+
+class ForceEstimator(Protocol):
+    """Fills `obs.force` from `obs.sensor_force`: eq. (3) on line."""
+
+    def reset(self) -> None: ...
+
+    def step(self, obs: Observation) -> None: ...
+
+
+class Clock(Protocol):
+    """Waits for the next tick; returns how late it is [s]."""
+
+    def start(self, dt: float) -> None: ...
+
+    def wait(self) -> float: ...
+
+
+class SimulatedClock:
+    """As fast as the machine goes; never late."""
+
+    def start(self, dt: float) -> None:
+        pass
+
+    def wait(self) -> float:
+        return 0.0
+
+
+class WallClock:
+    """Real time on the monotonic clock. Ticks missed by more than a period are dropped, not caught up in a burst."""
+
+    def start(self, dt: float) -> None:
+        self._dt, self._next = dt, _time.monotonic() + dt
+
+    def wait(self) -> float:
+        late = _time.monotonic() - self._next
+        if late < 0:
+            _time.sleep(-late)
+            late = max(0.0, _time.monotonic() - self._next)
+        missed = int(late / self._dt)
+        self._next += (missed + 1) * self._dt
+        return late
+
+
+@contextmanager
+def _collection_off() -> Iterator[None]:
+    """No garbage collection inside a run: a collection can cost several ticks."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+def run(
+    plant: Plant,
+    skill: Skill,
+    *,
+    duration_s: float,
+    estimator: ForceEstimator | None = None,
+    clock: Clock | None = None,
+    taps: Sequence[Tap] = (),
+    metadata: Mapping[str, Any] | None = None,
+) -> Recording:
+    """Runs `skill` on `plant` for at most `duration_s`; the Recording holds what was observed, commanded and thought.
+
+    Channels: hand.position, hand.velocity, hand.sensor_force, hand.force (what the skill saw), command.* (what it asked for),
+    the plant's own truths, and the skill's diagnostics under "skill.<name>". `metadata["stop_reason"]` says why it ended:
+    the skill's or the plant's own reason, "duration", or "interrupted" (Ctrl-C keeps what was recorded).
+    """
+    if not duration_s > 0:
+        raise ParameterError(f"duration_s must be positive; got {duration_s}")
+    d = len(plant.axes)
+    obs, command = Observation(d), Command(d)
+    clock = clock or SimulatedClock()
+    plant.reset()
+    plant.read(obs)
+    if estimator is not None:
+        estimator.reset()
+        estimator.step(obs)
+    command.position[:] = obs.position
+    skill.reset(obs)
+    observed = tuple(name for name in _OBSERVED if not np.isnan(getattr(obs, name)).all())  # what this plant measures
+    recorder = Recorder(_layout(plant, skill, observed))
+    reason, late = "duration", 0.0
+    with _collection_off():
+        clock.start(plant.dt)
+        try:
+            for _ in range(max(1, round(duration_s / plant.dt))):
+                skill.step(obs, command)
+                plant.write(command)
+                _record(recorder, observed, obs, command, plant, skill, late)
+                for tap in taps:
+                    tap(obs, command)
+                reason = plant.stop_reason or skill.stop_reason
+                if reason:
+                    break
+                plant.advance()
+                late = clock.wait()
+                plant.read(obs)
+                if estimator is not None:
+                    estimator.step(obs)
+            else:
+                reason = "duration"
+        except KeyboardInterrupt:
+            reason = "interrupted"
+    notice = {"notice": skill.notice} if skill.notice else {}
+    return recorder.recording({**(metadata or {}), **notice, "stop_reason": reason, "dt_s": plant.dt})
+
+
+def _layout(plant: Plant, skill: Skill, observed: Sequence[str]) -> dict[str, tuple[int, str, tuple[str, ...]]]:
+    d, axes = len(plant.axes), tuple(plant.axes)
+    layout = {f"hand.{name}": (d, _OBSERVED[name], axes) for name in observed}
+    layout |= {f"command.{name}": (d, unit, axes) for name, unit in _COMMANDED.items()}
+    layout |= {name: (len(array), unit, axes) for name, (array, unit) in plant.channels.items()}
+    for name, array in skill.diagnostics.items():
+        n = array.size
+        names = axes if n == d else tuple(str(i) for i in range(n))
+        layout[name if "." in name else f"skill.{name}"] = (n, "", names)
+    layout["loop.late"] = (1, "s", ("t",))
+    return layout
+
+
+def _record(
+    recorder: Recorder, observed: Sequence[str], obs: Observation, command: Command, plant: Plant, skill: Skill, late: float
+) -> None:
+    recorder.start_row(obs.time)
+    for name in observed:
+        recorder.put(f"hand.{name}", getattr(obs, name))
+    for name in _COMMANDED:
+        recorder.put(f"command.{name}", getattr(command, name))
+    for name, (array, _) in plant.channels.items():
+        recorder.put(name, array)
+    for name, array in skill.diagnostics.items():
+        recorder.put(name if "." in name else f"skill.{name}", array.ravel())
+    recorder.put("loop.late", late)

@@ -1,0 +1,421 @@
+"""`GaussianHMM`: the interface of hmmlearn over the functions of this package.
+
+For those who have code that calls hmmlearn. New code reads better with `fit_hmm`, which starts from time instead of at
+random, knows channels by name, works in standardised coordinates and says what was suspicious.
+
+Where it differs on purpose: a scalar `covars_prior` is added to the DIAGONAL of full and tied covariances (hmmlearn
+adds it to every entry, which pushes correlations towards 1 when channels are small numbers); a state that no frame
+visits keeps its parameters (there: NaN); a data offset of 1e6 changes nothing.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections import deque
+from typing import Any
+
+import numpy as np
+
+from ..interfaces import Array
+from . import chains
+from .estimator_base import Estimator, EstimatorError, checked_features, checked_samples, not_fitted, random_state
+from .gaussian import log_density, regularised
+from .learning import k_means
+
+_log = logging.getLogger(__name__)
+COVARIANCE_TYPES = ("spherical", "diag", "full", "tied")
+K_MEANS_STARTS = 10
+
+
+class ConvergenceMonitor:
+    """Watches the likelihood during `fit`: `history` of log-likelihoods, `iter` count, `converged`."""
+
+    def __init__(self, tol: float, n_iter: int, verbose: bool) -> None:
+        self.tol, self.n_iter, self.verbose = tol, n_iter, verbose
+        self.history: deque[float] = deque()
+        self.iter = 0
+
+    def _reset(self) -> None:
+        self.iter = 0
+        self.history.clear()
+
+    def report(self, log_prob: float) -> None:
+        gain = log_prob - self.history[-1] if self.history else np.nan
+        if self.verbose:
+            print(f"{self.iter + 1:>10d} {log_prob:>16.8f} {gain:>+16.8f}", file=sys.stderr)
+        if gain < -1e-8 * max(abs(log_prob), 1.0):
+            _log.warning("The likelihood fell by %g to %g: a prior outweighs the data.", -gain, log_prob)
+        self.history.append(float(log_prob))
+        self.iter += 1
+
+    @property
+    def converged(self) -> bool:
+        """True also when the iterations ran out: hmmlearn's meaning. `fit_hmm` tells the two apart."""
+        few = len(self.history) < 2
+        return self.iter == self.n_iter or (not few and self.history[-1] - self.history[-2] < self.tol)
+
+
+class GaussianHMM(Estimator):
+    """Gaussian hidden Markov model with hmmlearn's parameters, methods and attributes.
+
+    After `fit`: startprob_ (K,), transmat_ (K, K), means_ (K, D), covars_ as full matrices (K, D, D), monitor_.
+    `covars_` is SET in the shape of `covariance_type`: (K,), (K, D), (K, D, D) or (D, D).
+    X is (n_samples, D) with sequences one after another, `lengths` their lengths.
+    """
+
+    startprob_: Any
+    transmat_: Any
+    means_: Any
+
+    def __init__(
+        self,
+        n_components: int = 1,
+        covariance_type: str = "diag",
+        min_covar: float = 1e-3,
+        startprob_prior: Any = 1.0,
+        transmat_prior: Any = 1.0,
+        means_prior: Any = 0,
+        means_weight: Any = 0,
+        covars_prior: Any = 1e-2,
+        covars_weight: Any = 1,
+        algorithm: str = "viterbi",
+        random_state: Any = None,
+        n_iter: int = 10,
+        tol: float = 1e-2,
+        verbose: bool = False,
+        params: str = "stmc",
+        init_params: str = "stmc",
+        implementation: str = "log",
+    ) -> None:
+        """`implementation`: both compute in the log domain; "scaling" keeps refusing frames that no state explains."""
+        self.n_components = n_components
+        self.covariance_type = covariance_type
+        self.min_covar = min_covar
+        self.startprob_prior = startprob_prior
+        self.transmat_prior = transmat_prior
+        self.means_prior = means_prior
+        self.means_weight = means_weight
+        self.covars_prior = covars_prior
+        self.covars_weight = covars_weight
+        self.algorithm = algorithm
+        self.random_state = random_state
+        self.n_iter = n_iter
+        self.tol = tol
+        self.verbose = verbose
+        self.params = params
+        self.init_params = init_params
+        self.implementation = implementation
+
+    # Attributes
+
+    @property
+    def monitor_(self) -> ConvergenceMonitor:
+        """Set your own before `fit` to stop by another rule."""
+        if "_monitor" not in vars(self):
+            self._monitor = ConvergenceMonitor(self.tol, self.n_iter, self.verbose)
+            self._monitor_is_ours = True
+        return self._monitor
+
+    @monitor_.setter
+    def monitor_(self, monitor: Any) -> None:
+        self._monitor, self._monitor_is_ours = monitor, False
+
+    @property
+    def n_features(self) -> int:
+        """D, from the means."""
+        return int(np.shape(self.means_)[1])
+
+    @n_features.setter
+    def n_features(self, value: int) -> None:
+        if hasattr(self, "means_") and value != self.n_features:
+            raise EstimatorError(f"means_ has {self.n_features} features; n_features cannot be {value}")
+
+    @property
+    def covars_(self) -> Array:
+        """(K, D, D), whatever the type."""
+        return expanded(self._covars_, self.covariance_type, self.n_components, self.n_features)
+
+    @covars_.setter
+    def covars_(self, covars: Any) -> None:
+        self._covars_ = checked_covariances(covars, self.covariance_type, self.n_components)
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return all(hasattr(self, name) for name in ("startprob_", "transmat_", "means_", "_covars_"))
+
+    # Learning
+
+    def fit(self, X: Any, lengths: Any = None) -> GaussianHMM:
+        """Expectation-maximisation from the parameters that `init_params` does not draw anew.
+
+        scikit-learn passes a target y in the second place; one entry per sample that does not sum to n_samples is taken
+        for that, and ignored.
+        """
+        x = checked_samples(X, self)
+        lengths = self._lengths(lengths, len(x), target_allowed=True)
+        self._init(x, lengths)
+        self._check()
+        if getattr(self, "_monitor_is_ours", True):
+            vars(self).pop("_monitor", None)
+        monitor = self.monitor_
+        monitor._reset()
+        for _ in range(self.n_iter):
+            found = self._expect(x, lengths)
+            self._maximise(x, found)
+            monitor.report(float(found.log_likelihood.sum()))
+            if monitor.converged:
+                break
+        self.n_features_in_ = x.shape[1]
+        return self
+
+    def _init(self, X: Array, lengths: Any = None) -> None:
+        n, d = self.n_components, X.shape[1]
+        if not isinstance(n, int | np.integer) or n < 1:
+            raise EstimatorError(f"n_components must be a whole number of at least 1; got {n!r}")
+        if self.covariance_type not in COVARIANCE_TYPES:
+            raise EstimatorError(f"covariance_type must be one of {COVARIANCE_TYPES}; got {self.covariance_type!r}")
+        draw = random_state(self.random_state)
+        if self._needs("s", "startprob_"):
+            self.startprob_ = draw.dirichlet(np.full(n, 1.0 / n))
+        if self._needs("t", "transmat_"):
+            self.transmat_ = draw.dirichlet(np.full(n, 1.0 / n), size=n)
+        if self._needs("m", "means_"):
+            self.means_ = _centres(X, n, np.random.default_rng(draw.randint(2**31)))
+        if self._needs("c", "_covars_", "covars_"):
+            pooled = np.cov(X.T, bias=len(X) < 2).reshape(d, d) + self.min_covar * np.eye(d)
+            self._covars_ = compressed(np.tile(pooled, (n, 1, 1)), np.full(n, 1.0 / n), self.covariance_type)
+        scalars = self._n_parameters(d)
+        if X.size < scalars:
+            _log.warning("Learning %d free parameters from %d numbers will result in a degenerate solution.", scalars, X.size)
+
+    def _needs(self, code: str, name: str, shown: str = "") -> bool:
+        if code in self.init_params:
+            if hasattr(self, name) and not hasattr(self, "n_features_in_"):
+                _log.warning("%r is set but will be overwritten, because init_params contains %r.", shown or name, code)
+            return True
+        return not hasattr(self, name)
+
+    def _check(self) -> None:
+        if self.covariance_type not in COVARIANCE_TYPES:
+            raise EstimatorError(f"covariance_type must be one of {COVARIANCE_TYPES}; got {self.covariance_type!r}")
+        n = self.n_components
+        for name, shape in (("startprob_", (n,)), ("transmat_", (n, n))):
+            p = np.asarray(getattr(self, name), dtype=np.float64)
+            if p.shape != shape:
+                raise EstimatorError(f"{name} must have shape {shape}; got {p.shape}")
+            if not np.allclose(p.sum(axis=-1), 1.0):
+                raise EstimatorError(f"{name} must sum to 1 (got {p.sum(axis=-1)})")
+            setattr(self, name, p)
+        self.means_ = np.asarray(self.means_, dtype=np.float64)
+        if self.means_.ndim != 2 or len(self.means_) != n:
+            raise EstimatorError(f"means_ must have shape ({n}, n_features); got {self.means_.shape}")
+
+    def _expect(self, x: Array, lengths: np.ndarray) -> chains.Expectations:
+        log_b = self._log_b(x)
+        padded = chains.padded(log_b, lengths)
+        return chains.expectations(padded, lengths, chains.log_of(self.startprob_), chains.log_of(self.transmat_))
+
+    def _log_b(self, x: Array) -> Array:
+        covariances = regularised(self.covars_, self.means_)
+        log_b = log_density(x, self.means_, covariances)
+        if self.implementation == "scaling" and (log_b.max(axis=1) < -745.0).any():  # exp(-745) is the last above 0
+            frame = int(log_b.max(axis=1).argmin())
+            raise EstimatorError(f"implementation='scaling' cannot represent frame {frame}, which no state explains; use 'log'")
+        return log_b
+
+    def _maximise(self, x: Array, found: chains.Expectations) -> None:
+        """Maximum a posteriori: Dirichlet, normal, inverse gamma or Wishart priors, with hmmlearn's parameters."""
+        gamma = found.weights
+        occupancy = gamma.sum(axis=0)
+        if "s" in self.params:
+            self.startprob_ = _with_prior(found.first, self.startprob_prior, self.startprob_)
+        if "t" in self.params:
+            self.transmat_ = _with_prior(found.transitions, self.transmat_prior, self.transmat_)
+        prior, weight = np.asarray(self.means_prior, dtype=np.float64), self.means_weight
+        if "m" in self.params:
+            total = weight + occupancy
+            means = (weight * prior + gamma.T @ x) / np.maximum(total, 1e-300)[:, None]
+            self.means_ = np.where(total[:, None] > 1e-10, means, self.means_)
+        if "c" in self.params:
+            scatter = np.empty((self.n_components, x.shape[1], x.shape[1]))
+            for i, mean in enumerate(self.means_):
+                centred = x - mean
+                scatter[i] = (centred * gamma[:, i : i + 1]).T @ centred
+            apart = self.means_ - prior
+            scatter += weight * apart[:, :, None] * apart[:, None, :]
+            self._covars_ = self._most_likely_covariances(scatter, occupancy)
+
+    def _most_likely_covariances(self, scatter: Array, occupancy: Array) -> Array:
+        d = scatter.shape[1]
+        prior = np.asarray(self.covars_prior, dtype=np.float64)
+        if self.covariance_type in ("spherical", "diag"):
+            total = max(self.covars_weight - 1, 0) + occupancy
+            if prior.ndim == 1 and self.covariance_type == "spherical":
+                prior = prior[:, None]
+            variances = (prior + np.einsum("kii->ki", scatter)) / np.maximum(total, 1e-5)[:, None]
+            return variances.mean(axis=1) if self.covariance_type == "spherical" else variances
+        if prior.ndim < 2:
+            prior = prior.reshape(-1, 1, 1) * np.eye(d) if prior.ndim else prior * np.eye(d)
+        more = max(self.covars_weight - d, 0)
+        if self.covariance_type == "tied":
+            return (prior + scatter.sum(axis=0)) / (more + occupancy.sum())
+        total = (more + occupancy)[:, None, None]
+        return np.where(total > 1e-10, (prior + scatter) / np.maximum(total, 1e-10), self._covars_)
+
+    # Using
+
+    def score_samples(self, X: Any, lengths: Any = None) -> tuple[float, Array]:
+        """Log-likelihood of all of X, and posteriors (n_samples, K)."""
+        x, lengths = self._ready(X, lengths)
+        found = self._expect(x, lengths)
+        return float(found.log_likelihood.sum()), found.weights
+
+    def score(self, X: Any, lengths: Any = None) -> float:
+        """Log-likelihood of all of X. A target y in place of `lengths` is ignored, as in `fit`."""
+        x, lengths = self._ready(X, lengths, target_allowed=True)
+        return float(self._expect(x, lengths).log_likelihood.sum())
+
+    def predict_proba(self, X: Any, lengths: Any = None) -> Array:
+        """Posteriors (n_samples, K)."""
+        return self.score_samples(X, lengths)[1]
+
+    def decode(self, X: Any, lengths: Any = None, algorithm: str | None = None) -> tuple[float, np.ndarray]:
+        """Log-probability of the best states, and the states: "viterbi" best path, "map" best state each time."""
+        x, lengths = self._ready(X, lengths)
+        algorithm = algorithm or self.algorithm
+        if algorithm == "map":
+            weights = self._expect(x, lengths).weights
+            return float(weights.max(axis=1).sum()), weights.argmax(axis=1)
+        if algorithm != "viterbi":
+            raise EstimatorError(f"algorithm must be 'viterbi' or 'map'; got {algorithm!r}")
+        log_initial, log_transition = chains.log_of(self.startprob_), chains.log_of(self.transmat_)
+        parts = np.split(self._log_b(x), np.cumsum(lengths)[:-1])
+        paths = [chains.best_path(part, log_initial, log_transition) for part in parts]
+        return sum(score for _, score in paths), np.concatenate([path for path, _ in paths])
+
+    def predict(self, X: Any, lengths: Any = None) -> np.ndarray:
+        """The best states (n_samples,)."""
+        return self.decode(X, lengths)[1]
+
+    def sample(self, n_samples: int = 1, random_state: Any = None, currstate: int | None = None) -> tuple[Array, Any]:
+        """Draws X (n_samples, D) and states; `currstate` is the state of the first sample."""
+        self._require_fit()
+        self._check()
+        draw = _random_state(self.random_state if random_state is None else random_state)
+        states = np.empty(n_samples, dtype=int)
+        row = np.cumsum(self.startprob_)
+        for t in range(n_samples):
+            if t == 0 and currstate is not None:
+                states[0] = currstate
+            else:
+                states[t] = np.searchsorted(row, draw.random_sample() * row[-1], side="right")
+            row = np.cumsum(self.transmat_[states[t]])
+        factors = np.linalg.cholesky(regularised(self.covars_, self.means_))
+        noise = draw.standard_normal((n_samples, self.means_.shape[1]))
+        return self.means_[states] + np.einsum("nij,nj->ni", factors[states], noise), states
+
+    def aic(self, X: Any, lengths: Any = None) -> float:
+        """Akaike's criterion: smaller is better."""
+        return -2.0 * self.score(X, lengths) + 2.0 * self._n_parameters(self.n_features)
+
+    def bic(self, X: Any, lengths: Any = None) -> float:
+        """Bayes' criterion: smaller is better."""
+        return -2.0 * self.score(X, lengths) + self._n_parameters(self.n_features) * float(np.log(len(X)))
+
+    def get_stationary_distribution(self) -> Array:
+        """(K,) weights that the chain's transitions leave as they are."""
+        self._require_fit()
+        n = self.n_components
+        equations = np.vstack([np.asarray(self.transmat_).T - np.eye(n), np.ones(n)])
+        return np.linalg.lstsq(equations, np.append(np.zeros(n), 1.0), rcond=None)[0]
+
+    # Checks
+
+    def _n_parameters(self, d: int) -> int:
+        n = self.n_components
+        covariances = {"spherical": n, "diag": n * d, "full": n * d * (d + 1) // 2, "tied": d * (d + 1) // 2}
+        count = {"s": n - 1, "t": n * (n - 1), "m": n * d, "c": covariances[self.covariance_type]}
+        return sum(count[p] for p in self.params)
+
+    def _require_fit(self) -> None:
+        if not self.__sklearn_is_fitted__():
+            raise not_fitted(self)
+
+    def _ready(self, X: Any, lengths: Any, target_allowed: bool = False) -> tuple[Array, np.ndarray]:
+        self._require_fit()
+        self._check()
+        x = checked_features(checked_samples(X, self), self, self.means_.shape[1])
+        return x, self._lengths(lengths, len(x), target_allowed)
+
+    def _lengths(self, lengths: Any, n_samples: int, target_allowed: bool = False) -> np.ndarray:
+        if lengths is None:
+            return np.array([n_samples])
+        given = np.asarray(lengths)
+        if given.ndim == 1 and given.dtype.kind in "iu" and len(given) and (given > 0).all() and given.sum() == n_samples:
+            return given.astype(np.intp)
+        if target_allowed and len(given) == n_samples:
+            return np.array([n_samples])
+        raise EstimatorError(f"lengths must be whole numbers above 0 that sum to {n_samples} samples; got {lengths!r}")
+
+
+_random_state = random_state  # `sample` has an argument of that name
+
+
+def _centres(x: Array, n: int, rng: np.random.Generator) -> Array:
+    """k-means centres (n, D): the tightest of several starts."""
+    best, least = x[:1].repeat(n, axis=0), np.inf
+    for _ in range(K_MEANS_STARTS if len(x) > n else 1):
+        labels = k_means(x, n, rng)
+        centres = np.array([x[labels == i].mean(axis=0) if (labels == i).any() else x[i % len(x)] for i in range(n)])
+        spread = ((x - centres[labels]) ** 2).sum()
+        if spread < least:
+            best, least = centres, spread
+    return best
+
+
+def _with_prior(counts: Array, prior: Any, before: Array) -> Array:
+    """Rows ∝ counts + prior − 1; what was 0 stays 0, and a row with nothing keeps what it had."""
+    rows = np.where(before == 0.0, 0.0, np.maximum(np.asarray(prior) - 1.0 + counts, 0.0))
+    total = rows.sum(axis=-1, keepdims=True)
+    return np.where(total > 0.0, rows / np.where(total > 0.0, total, 1.0), before)
+
+
+def expanded(covars: Array, covariance_type: str, n: int, d: int) -> Array:
+    """Full matrices (n, d, d) from the compressed form of a type."""
+    if covariance_type == "full":
+        return covars
+    if covariance_type == "tied":
+        return np.tile(covars, (n, 1, 1))
+    if covariance_type == "spherical":
+        return np.reshape(covars, (n, -1)).mean(axis=1)[:, None, None] * np.eye(d)
+    return covars[:, :, None] * np.eye(d)
+
+
+def compressed(full: Array, shares: Array, covariance_type: str) -> Array:
+    """The form in which a type is stored, from full matrices (n, d, d); `shares` (n,) weigh the states for "tied"."""
+    variances = np.einsum("kii->ki", full).copy()
+    if covariance_type == "tied":
+        return np.einsum("k,kij->ij", shares, full)
+    return {"full": full, "diag": variances, "spherical": variances.mean(axis=1)}[covariance_type]
+
+
+def checked_covariances(covars: Any, covariance_type: str, n: int) -> Array:
+    """A copy of `covars` in the shape of its type, positive definite; else EstimatorError."""
+    c = np.array(covars, dtype=np.float64)
+    if covariance_type == "spherical":
+        fits, positive = c.ndim >= 1 and len(c) == n, c.size > 0 and bool((c > 0.0).all())
+    elif covariance_type == "diag":
+        fits, positive = c.ndim == 2 and len(c) == n, bool((c > 0.0).all())
+    elif covariance_type in ("tied", "full"):
+        fits = c.ndim == (2 if covariance_type == "tied" else 3) and c.shape[-1] == c.shape[-2]
+        fits = fits and (covariance_type == "tied" or len(c) == n)
+        symmetric = fits and np.allclose(c, np.swapaxes(c, -1, -2))
+        positive = bool(symmetric and (np.linalg.eigvalsh(c) > 0.0).all())
+    else:
+        raise EstimatorError(f"covariance_type must be one of {COVARIANCE_TYPES}; got {covariance_type!r}")
+    if not (fits and positive):
+        raise EstimatorError(
+            f"covars_ of type {covariance_type!r} must be positive definite in their own shape for {n} states; "
+            f"got shape {c.shape}"
+        )
+    return c

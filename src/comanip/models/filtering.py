@@ -1,0 +1,144 @@
+"""Which phase of the task is it now? The forward variable of eq. (4), one tick at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..errors import ParameterError
+from ..interfaces import Array
+from ..recording import expand
+from .gaussian import Whitening, marginal, whitening
+from .hmm import Hmm
+
+UNBELIEVABLE = 1e100  # an input farther out than this is no measurement: treated like NaN
+HOPELESS = 20.0  # [nats] evidence for a state that the dynamics exclude this clearly speaks against the weights
+
+
+class ForwardFilter:
+    """Weights h_t(i) ∝ [Σ_j h_{t-1}(j) a_ji] N(ξ_t; μ_i, Σ_i), normalised, robust against what sensors do.
+
+    A tick is written around the best state, h ∝ exp(log prediction + log density − maximum), so 0/0 cannot happen.
+
+    channels          which channels are evidence, by name; the others are integrated out. `xi` of `step` has these, in
+                      the order of `filter.channels`
+    transition_floor  ε: each tick forgets a little, A ← (1 − ε) A + ε/K, so a left-right chain can run a second time
+    gate              [nats] most that one tick may favour one state over another, at once the worst an outlier can do
+    patience          [ticks] after so many in a row whose best state the dynamics exclude, weights start afresh from
+                      the evidence; with a transition floor above 1e-9 nothing is excluded, and it never comes to that
+
+    gate = 20 and ε = 1e-6 belong together: 20 > −log(ε/K) for K ≤ 400, so a state ruled out by one bad tick is back
+    after one good tick; and no weight falls below e⁻²⁰ ε/K ≈ 1e-16, far from underflow. Between neighbouring states of
+    a demonstration the gate is idle: 20 nats are 6 standard deviations. For eq. (4) to the letter: transition_floor=0,
+    gate=numpy.inf.
+
+    NaN is a missing channel: the density of the others is used; with none the weights move on by the dynamics alone.
+    """
+
+    def __init__(
+        self,
+        model: Hmm,
+        channels: str | Iterable[str] | None = None,
+        *,
+        transition_floor: float = 1e-6,
+        gate: float = 20.0,
+        patience: int = 3,
+    ) -> None:
+        if not 0.0 <= transition_floor <= 1.0:
+            raise ParameterError(f"transition_floor is a probability; got {transition_floor!r}")
+        if not gate > 0.0:
+            raise ParameterError(f"gate must be above 0 nats; got {gate!r}")
+        self.model = model
+        self.channels = model.channels if channels is None else expand(channels, model.channels)
+        self.gate, self.patience = float(gate), int(patience)
+        self._columns = np.array([model.channels.index(c) for c in self.channels], dtype=np.intp)
+        k, d = model.n_states, len(self.channels)
+        self._initial = (1.0 - transition_floor) * model.initial + transition_floor / k
+        self._chain = np.ascontiguousarray((1.0 - transition_floor) * model.transition + transition_floor / k)
+        self._marginals: dict[bytes, Whitening] = {}
+        self._all = self._prepared(np.ones(d, dtype=bool))
+        self._minus_half = np.full(d, -0.5)
+        self._centred, self._far = np.empty(d), np.empty(d)
+        self._z, self._log_b, self._log_h = np.empty(k * d), np.empty(k), np.empty(k)
+        self._z_by_state = self._z.reshape(k, d)
+        self._weights, self._predicted = np.empty(k), np.empty(k)
+        self.reset()
+
+    @property
+    def n_states(self) -> int:
+        return self.model.n_states
+
+    @property
+    def weights(self) -> Array:
+        """h (K,), the array that `step` rewrites; before the first step it is Π."""
+        return self._weights
+
+    def reset(self) -> None:
+        """Forgets everything: the next step is the first."""
+        self._weights[:] = self._initial
+        self._fresh = True
+        self._hopeless = 0
+        self.restarts = 0  # how often patience ran out since the reset
+        self.last_log_likelihood = 0.0  # log p(ξ_t | ξ_1..ξ_{t-1}) of the last tick, after the gate
+        self.log_likelihood = 0.0  # the sum since the reset
+
+    def step(self, xi: Array) -> Array:
+        """Takes in one tick xi (D,) and gives the weights (K,): a view that the next step overwrites."""
+        predicted = self._predicted
+        if self._fresh:
+            predicted[:] = self._initial
+            self._fresh = False
+        else:
+            np.dot(self._weights, self._chain, out=predicted)
+        log_b = self._evidence(xi)
+        if log_b is None:
+            self._weights[:] = predicted
+            self.last_log_likelihood = 0.0
+            return self._weights
+        best = float(np.maximum.reduce(log_b))
+        h = np.maximum(log_b, best - self.gate, out=self._log_h)
+        np.maximum(predicted, 1e-300, out=predicted)  # log 0 would need transition_floor = 0
+        h += np.log(predicted, out=predicted)
+        top = float(np.maximum.reduce(h))
+        h -= top
+        np.exp(h, out=h)
+        total = float(np.add.reduce(h))
+        self.last_log_likelihood = top + math.log(total)
+        self.log_likelihood += self.last_log_likelihood
+        self._hopeless = self._hopeless + 1 if top < best - HOPELESS else 0
+        if self._hopeless >= self.patience:
+            self._hopeless = 0
+            self.restarts += 1
+            np.exp(log_b - best, out=h)
+            total = float(np.add.reduce(h))
+        return np.divide(h, total, out=self._weights)
+
+    def _evidence(self, xi: Array) -> Array | None:
+        """log N(ξ; μ_i, Σ_i) (K,) of what is present; None when nothing is."""
+        white, centred = self._all, self._centred
+        np.subtract(xi, white.origin, out=centred)
+        np.abs(centred, out=self._far)
+        if not np.maximum.reduce(self._far) < UNBELIEVABLE:  # NaN compares false, so one test finds both
+            return self._partial_evidence(np.asarray(xi, dtype=np.float64))
+        z = np.dot(white.factors, centred, out=self._z)
+        z -= white.centres
+        np.multiply(z, z, out=z)
+        log_b = np.dot(self._z_by_state, self._minus_half, out=self._log_b)
+        log_b += white.log_peak
+        return log_b
+
+    def _partial_evidence(self, xi: Array) -> Array | None:
+        present = np.abs(xi - self._all.origin) < UNBELIEVABLE
+        if not present.any():
+            return None
+        return self._prepared(present).log_density(xi[None, present])[0]
+
+    def _prepared(self, present: np.ndarray) -> Whitening:
+        """Densities of the channels that are present, prepared when a pattern is first seen."""
+        pattern = present.tobytes()
+        if pattern not in self._marginals:
+            columns = self._columns[present]
+            self._marginals[pattern] = whitening(*marginal(self.model.means, self.model.covariances, columns))
+        return self._marginals[pattern]

@@ -1,0 +1,193 @@
+"""Gaussian densities of all states at once, their marginals, and a covariance floor that knows no units.
+
+Nothing here may overflow, divide by zero or depend on the unit of a channel: a force of 1e5 N or a world frame 1e6 m
+away must give finite numbers and the same answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import ParameterError
+from ..interfaces import Array
+
+LOG_2PI = float(np.log(2.0 * np.pi))
+LEAST_LOG_DENSITY = -1e100  # stands for log 0 of a density: finite, so that sums over time stay finite
+LEAST_RATIO = 1e-12  # of variances: below it a Cholesky factor is rounding
+FARTHEST = 1e140  # distances beyond this many standard deviations are all alike; its square is still a float64
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """Inverse Cholesky factors of K Gaussians, prepared once so that a density costs one matrix product.
+
+    With Σ_i = L_i L_iᵀ the distance of x to state i is |L_i⁻¹ (x − μ_i)|². Everything is written around `origin`, the
+    mean of the centres, because x and μ_i may both be 1e6 m away from the zero of their frame.
+
+    origin    (D,)      subtract it from x first
+    factors   (K·D, D)  rows of all L_i⁻¹
+    centres   (K·D,)    L_i⁻¹ (μ_i − origin)
+    log_peak  (K,)      log N(μ_i; μ_i, Σ_i)
+    """
+
+    origin: Array
+    factors: Array
+    centres: Array
+    log_peak: Array
+
+    @property
+    def n_states(self) -> int:
+        return len(self.log_peak)
+
+    def distances(self, x: Array) -> Array:
+        """Squared Mahalanobis distances (N, K) of x (N, D) to every state."""
+        z = np.clip(x - self.origin, -FARTHEST, FARTHEST) @ self.factors.T - self.centres
+        np.clip(z, -FARTHEST, FARTHEST, out=z)
+        z *= z
+        return z.reshape(len(x), self.n_states, -1).sum(axis=2)
+
+    def log_density(self, x: Array) -> Array:
+        """log N(x; μ_i, Σ_i) as (N, K) for x (N, D)."""
+        return np.maximum(self.log_peak - 0.5 * self.distances(x), LEAST_LOG_DENSITY)
+
+
+def whitening(means: Array, covariances: Array) -> Whitening:
+    """Prepares the densities of K Gaussians: means (K, D), covariances (K, D, D), all positive definite."""
+    n_states, n_channels = means.shape
+    factors = np.linalg.inv(cholesky(covariances))
+    origin = means.mean(axis=0)
+    centres = np.einsum("kij,kj->ki", factors, means - origin)
+    log_det = -2.0 * np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
+    return Whitening(
+        origin=origin,
+        factors=np.ascontiguousarray(factors.reshape(n_states * n_channels, n_channels)),
+        centres=centres.reshape(-1),
+        log_peak=-0.5 * (n_channels * LOG_2PI + log_det),
+    )
+
+
+def cholesky(covariances: Array) -> Array:
+    """Lower factors (K, D, D); a state without one is named in a ParameterError."""
+    try:
+        return np.asarray(np.linalg.cholesky(covariances), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        least = np.linalg.eigvalsh(covariances)[:, 0]
+        state = int(np.argmin(least))
+        raise ParameterError(
+            f"the covariance of state {state} is not positive definite (smallest eigenvalue {least[state]:.3g}); "
+            "train with a covariance floor, or drop the channel that repeats another"
+        ) from None
+
+
+def log_density(x: Array, means: Array, covariances: Array) -> Array:
+    """log N(x; μ_i, Σ_i) as (N, K): samples (N, D), means (K, D), covariances (K, D, D).
+
+    NaN in x means "missing": those samples get the density of the channels that are present (the marginal), and a
+    sample with nothing present gets log 1 = 0 for every state: no evidence.
+    """
+    x = np.asarray(x, dtype=np.float64)
+    missing = np.isnan(x)
+    if not missing.any():
+        return whitening(means, covariances).log_density(x)
+    out = np.zeros((len(x), len(means)))
+    patterns, which = np.unique(missing, axis=0, return_inverse=True)
+    for p, pattern in enumerate(patterns):
+        present = np.flatnonzero(~pattern)
+        if len(present):
+            rows = which.reshape(-1) == p
+            out[rows] = whitening(*marginal(means, covariances, present)).log_density(x[rows][:, present])
+    return out
+
+
+def marginal(means: Array, covariances: Array, indices: Sequence[int] | np.ndarray) -> tuple[Array, Array]:
+    """Means (K, M) and covariances (K, M, M) of the M channels in `indices`: the others are integrated out."""
+    index = np.asarray(indices, dtype=np.intp)
+    return means[:, index], covariances[:, index[:, None], index[None, :]]
+
+
+def floored(covariances: Array, floor: float) -> Array:
+    """Raises every eigenvalue of (..., D, D) to at least `floor`.
+
+    This is the exact solution of "most likely Σ with Σ − floor·I ⪰ 0", so EM with it still never falls. It has a
+    meaning only where the channels share a unit: call it in standardised coordinates.
+    """
+    values, vectors = np.linalg.eigh(covariances)
+    if values.min() >= floor:
+        return covariances
+    lifted = (vectors * np.maximum(values, floor)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    return 0.5 * (lifted + np.swapaxes(lifted, -1, -2))
+
+
+def regularised(covariances: Array, means: Array) -> Array:
+    """The same covariances (K, D, D) where they are positive definite; else raised just enough to have a density.
+
+    For covariances that come from elsewhere, learned without a floor. Relative to each channel's spread in the whole
+    mixture, so it knows no units.
+    """
+    size = np.sqrt(np.einsum("kii->ki", covariances).mean(axis=0) + means.var(axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    unit = size[:, None] * size[None, :]
+    return floored(covariances / unit, LEAST_RATIO) * unit
+
+
+def log_sum_exp(values: Array, axis: int = -1) -> Array:
+    """log Σ exp(values) along `axis`, for finite values."""
+    top = values.max(axis=axis, keepdims=True)
+    return np.squeeze(top, axis) + np.log(np.exp(values - top).sum(axis=axis))
+
+
+def normalised(log_weights: Array) -> Array:
+    """Weights that sum to 1 along the last axis, from their logarithms."""
+    weights = np.exp(log_weights - log_weights.max(axis=-1, keepdims=True))
+    return weights / weights.sum(axis=-1, keepdims=True)
+
+
+def gaussian_blocks(means: Any, covariances: Any, n_states: int, n_channels: int) -> tuple[Array, Array]:
+    """Checked, read-only means (K, D) and covariances (K, D, D) of a model."""
+    mu, sigma = _read_only(means), _read_only(covariances)
+    if mu.shape != (n_states, n_channels) or sigma.shape != (n_states, n_channels, n_channels):
+        raise ParameterError(
+            f"{n_states} states and {n_channels} channels need means ({n_states}, {n_channels}) and covariances "
+            f"({n_states}, {n_channels}, {n_channels}); got {mu.shape} and {sigma.shape}"
+        )
+    for name, array in (("means", mu), ("covariances", sigma)):
+        if not np.isfinite(array).all():
+            state = int(np.argwhere(~np.isfinite(array))[0][0])
+            raise ParameterError(f"{name} of state {state} are not finite")
+    size = np.sqrt(np.abs(np.einsum("kii->ki", sigma)))
+    if (np.abs(sigma - np.swapaxes(sigma, 1, 2)) > 1e-8 * size[:, :, None] * size[:, None, :]).any():
+        raise ParameterError("covariances must be symmetric")
+    cholesky(sigma)
+    return mu, sigma
+
+
+def probabilities(values: Any, shape: tuple[int, ...], name: str) -> Array:
+    """Checked, read-only probabilities whose last axis sums to 1."""
+    p = _read_only(values)
+    if p.shape != shape:
+        raise ParameterError(f"{name} must have shape {shape}; got {p.shape}")
+    if not np.isfinite(p).all() or (p < 0.0).any():
+        raise ParameterError(f"{name} must be finite and not negative")
+    sums = p.sum(axis=-1)
+    if (np.abs(sums - 1.0) > 1e-6).any():
+        raise ParameterError(f"{name} must sum to 1 along the last axis; got {np.round(sums, 6).tolist()}")
+    return p
+
+
+def channel_names(names: Any) -> tuple[str, ...]:
+    """Checked channel names: strings, at least one, none twice."""
+    channels = (names,) if isinstance(names, str) else tuple(str(n) for n in names)
+    twice = sorted({c for c in channels if channels.count(c) > 1})
+    if not channels or twice:
+        raise ParameterError(f"channels need names, each once; got {channels}" + (f", twice: {twice}" if twice else ""))
+    return channels
+
+
+def _read_only(values: Any) -> Array:
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array

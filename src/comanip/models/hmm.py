@@ -1,0 +1,312 @@
+"""Hidden Markov model with Gaussian outputs: one frozen value, and functions of it.
+
+ξ (D,) is the datapoint of one frame; channels are named, and their order means nothing to a caller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import ChannelError, ParameterError
+from ..interfaces import Array
+from . import chains
+from .gaussian import channel_names, floored, gaussian_blocks, log_density, probabilities, whitening
+from .learning import (
+    UNVISITED,
+    Fit,
+    climb,
+    first_guess,
+    gaussians_of_labels,
+    say_converged,
+    say_unvisited,
+    weighted_gaussians,
+)
+from .lessons import Lessons, prepare
+
+
+@dataclass(frozen=True, eq=False)
+class Hmm:
+    """K states with Gaussian outputs over D channels.
+
+    initial      (K,)       Π_i
+    transition   (K, K)     a_ij, from i to j: ROWS sum to 1
+    means        (K, D)     μ_i, in the channels' units
+    covariances  (K, D, D)  Σ_i, full
+    channels     (D,)       names, for example ("position.z", "force.z", "velocity.z")
+    """
+
+    initial: Array
+    transition: Array
+    means: Array
+    covariances: Array
+    channels: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        channels = channel_names(self.channels)
+        n = np.shape(self.means)[0] if np.ndim(self.means) == 2 else -1
+        if n < 1:
+            raise ParameterError(f"means must be (K, D) with at least one state; got shape {np.shape(self.means)}")
+        mu, sigma = gaussian_blocks(self.means, self.covariances, n, len(channels))
+        object.__setattr__(self, "initial", probabilities(self.initial, (n,), "initial"))
+        object.__setattr__(self, "transition", probabilities(self.transition, (n, n), "transition"))
+        object.__setattr__(self, "means", mu)
+        object.__setattr__(self, "covariances", sigma)
+        object.__setattr__(self, "channels", channels)
+
+    @property
+    def n_states(self) -> int:
+        return len(self.initial)
+
+    @property
+    def n_channels(self) -> int:
+        return len(self.channels)
+
+
+class Posteriors(NamedTuple):
+    """weights (T, K) of each state at each frame given the WHOLE sequence, and its log-likelihood."""
+
+    weights: Array
+    log_likelihood: float
+
+
+def log_likelihood(model: Hmm, sequences: Iterable[Any]) -> Array:
+    """log p(ξ_1..ξ_T | model) of each sequence, (S,). NaN channels are integrated out.
+
+    −inf means that no allowed path explains the sequence. Densities carry units: compare models, not units.
+    """
+    arrays = [_frames(model, x) for x in sequences]
+    lengths = np.array([len(x) for x in arrays])
+    log_b = chains.padded(log_density(np.concatenate(arrays), model.means, model.covariances), lengths)
+    *_, found = chains.forward_backward(log_b, lengths, chains.log_of(model.initial), chains.log_of(model.transition))
+    return np.where(found < chains.IMPOSSIBLE, -np.inf, found)
+
+
+def forward_backward(model: Hmm, sequence: Any) -> tuple[Array, Array, float]:
+    """log α and log β (T, K) of one sequence (T, D), and its log-likelihood. Eq. (4), in the log domain."""
+    log_b = log_density(_frames(model, sequence), model.means, model.covariances)[None]
+    log_alpha, log_beta, found = chains.forward_backward(
+        log_b, np.array([log_b.shape[1]]), chains.log_of(model.initial), chains.log_of(model.transition)
+    )
+    return log_alpha[0], log_beta[0], float(found[0])
+
+
+def posteriors(model: Hmm, sequence: Any) -> Posteriors:
+    """γ_t(i) of one sequence (T, D): uses the future too, so it is for analysis; `ForwardFilter` is for running."""
+    log_b = log_density(_frames(model, sequence), model.means, model.covariances)[None]
+    found = chains.expectations(log_b, np.array([log_b.shape[1]]), chains.log_of(model.initial), chains.log_of(model.transition))
+    return Posteriors(found.weights, float(found.log_likelihood[0]))
+
+
+def viterbi(model: Hmm, sequence: Any) -> np.ndarray:
+    """The most likely states (T,), integers, of one sequence (T, D)."""
+    log_b = log_density(_frames(model, sequence), model.means, model.covariances)
+    return chains.best_path(log_b, chains.log_of(model.initial), chains.log_of(model.transition))[0]
+
+
+class Sample(NamedTuple):
+    """frames (T, D) drawn from a model and the states (T,) they were drawn from."""
+
+    frames: Array
+    states: np.ndarray
+
+
+def sample(model: Hmm, length: int, rng: np.random.Generator) -> Sample:
+    """Draws `length` frames and the states behind them."""
+    states = np.empty(length, dtype=np.intp)
+    pick = rng.random(length)
+    chances = np.cumsum(model.transition, axis=1)
+    row = np.cumsum(model.initial)
+    for t in range(length):
+        # against the row's own sum, so that rounding can never choose a state beyond the last possible one
+        states[t] = np.searchsorted(row, pick[t] * row[-1], side="right")
+        row = chances[states[t]]
+    factors = np.linalg.cholesky(model.covariances)
+    noise = rng.standard_normal((length, model.n_channels))
+    return Sample(model.means[states] + np.einsum("tij,tj->ti", factors[states], noise), states)
+
+
+def fit_hmm(
+    sequences: Iterable[Any],
+    n_states: int,
+    *,
+    channels: Iterable[str],
+    topology: str = "left-right",
+    initial_guess: str | Hmm = "time",
+    restarts: int = 1,
+    rng: np.random.Generator | None = None,
+    covariance_floor: float = 1e-4,
+    transition_floor: float = 0.0,
+    max_iterations: int = 200,
+    tolerance: float = 1e-5,
+    allow_constant: float | Mapping[str, float] | None = None,
+    outlier_ratio: float = 1e3,
+) -> Fit[Hmm]:
+    """Learns an Hmm from several demonstrations, each (T, D), by Baum-Welch; statistics are summed over demonstrations.
+
+    topology          which transitions exist: "left-right" (stay or go on), "cyclic" (the last goes on to the first),
+                      "free"
+    initial_guess     "time" cuts each demonstration into K equal parts; "kmeans" needs rng; or an Hmm to go on from
+    restarts          further guesses, moved at random; the most likely model wins; more than 1 needs rng
+    covariance_floor  least variance in any direction as a ratio of the channels' variance over all demonstrations: 1e-4
+                      is 1 % of the standard deviation, about 1 mm in a 0.3 m lift and 0.05 N at 5 N, near what sensors
+                      resolve
+    transition_floor  least probability of an allowed transition
+    tolerance         stop when the log-likelihood rises by less than this per frame
+    allow_constant    standard deviation to assume for a channel that never changes (or by name); else it is an error
+    outlier_ratio     a few frames this many times farther out than all others are an error; numpy.inf accepts them
+
+    States come out in order of time. Read `Fit.notes`: what was removed, skipped or suspicious is said there.
+    """
+    if topology not in ("left-right", "cyclic", "free"):
+        raise ParameterError(f"topology must be 'left-right', 'cyclic' or 'free'; got {topology!r}")
+    if restarts < 1 or (restarts > 1 and isinstance(initial_guess, Hmm)):
+        raise ParameterError(f"restarts must be at least 1, and 1 when a model is the guess; got {restarts!r}")
+    if not 0.0 <= transition_floor * n_states < 1.0:
+        raise ParameterError(f"transition_floor must be below 1 / n_states; got {transition_floor!r}")
+    lessons = prepare(
+        sequences,
+        channels,
+        n_states=n_states,
+        least_frames=n_states + 1,
+        covariance_floor=covariance_floor,
+        allow_constant=allow_constant,
+        outlier_ratio=outlier_ratio,
+    )
+    allowed = _allowed(topology, n_states)
+    best: tuple[_Chain, Array, bool] | None = None
+    for attempt in range(restarts):
+        if isinstance(initial_guess, Hmm):
+            start = _from_model(lessons, initial_guess, n_states, allowed, covariance_floor)
+        else:
+            labels = first_guess(lessons, n_states, initial_guess, rng, jitter=attempt > 0)
+            start = _from_labels(lessons, labels, allowed, covariance_floor, topology)
+        found = climb(
+            start,
+            lambda p: _expect(p, lessons),
+            lambda e, p: _maximise(e, p, lessons.z, covariance_floor, transition_floor),
+            max_iterations=max_iterations,
+            rise=tolerance * lessons.n_frames,
+        )
+        if best is None or found[1][-1] > best[1][-1]:
+            best = found
+    assert best is not None
+    return _finished(*best, lessons=lessons, topology=topology, allowed=allowed)
+
+
+class _Chain(NamedTuple):
+    """Parameters in standardised coordinates while they are being learned."""
+
+    initial: Array
+    transition: Array
+    means: Array
+    covariances: Array
+
+
+def _expect(p: _Chain, lessons: Lessons) -> tuple[float, chains.Expectations]:
+    log_b = chains.padded(whitening(p.means, p.covariances).log_density(lessons.z), lessons.lengths)
+    e = chains.expectations(log_b, lessons.lengths, chains.log_of(p.initial), chains.log_of(p.transition))
+    return float(e.log_likelihood.sum()), e
+
+
+def _maximise(e: chains.Expectations, p: _Chain, z: Array, covariance_floor: float, transition_floor: float) -> _Chain:
+    means, covariances = weighted_gaussians(z, e.weights, covariance_floor, (p.means, p.covariances))
+    return _Chain(
+        e.first / e.first.sum(),
+        most_likely_rows(e.transitions, p.transition, transition_floor),
+        means,
+        covariances,
+    )
+
+
+def most_likely_rows(counts: Array, before: Array, floor: float) -> Array:
+    """Rows that maximise Σ counts log a, with a ≥ floor where `before` allows a transition. A row never left stays."""
+    rows = before.copy()
+    for i in np.flatnonzero(counts.sum(axis=1) > 1e-10):
+        row = counts[i] / counts[i].sum()
+        low = np.zeros(len(row), dtype=bool)
+        allowed = before[i] > 0.0
+        while (raised := allowed & ~low & (row < floor)).any():  # raising one may push another below
+            low |= raised
+            rest = counts[i] * ~low
+            row = np.where(low, floor, rest / max(rest.sum(), 1e-300) * (1.0 - floor * low.sum()))
+        rows[i] = row / row.sum()
+    return rows
+
+
+def _allowed(topology: str, n_states: int) -> np.ndarray:
+    if topology == "free":
+        return np.ones((n_states, n_states), dtype=bool)
+    on = np.eye(n_states, k=1, dtype=bool)
+    if topology == "cyclic":
+        on[-1, 0] = True
+    return np.eye(n_states, dtype=bool) | on
+
+
+def _from_labels(lessons: Lessons, labels: np.ndarray, allowed: np.ndarray, floor: float, topology: str) -> _Chain:
+    n = len(allowed)
+    first = lessons.first_frames()
+    inside = np.setdiff1d(np.arange(1, len(labels)), first)
+    counts = np.zeros((n, n))
+    np.add.at(counts, (labels[inside - 1], labels[inside]), 1.0)
+    # EM cannot bring a zero back to life, so every allowed transition starts with something
+    counts = (counts + 0.5 + 0.05 * counts.sum(axis=1, keepdims=True) / n) * allowed
+    initial = np.bincount(labels[first], minlength=n) / len(first)
+    initial = np.eye(n)[0] if topology == "left-right" else 0.95 * initial + 0.05 / n
+    means, covariances = gaussians_of_labels(lessons.z, labels, n, floor)
+    return _Chain(initial, counts / counts.sum(axis=1, keepdims=True), means, covariances)
+
+
+def _from_model(lessons: Lessons, guess: Hmm, n_states: int, allowed: np.ndarray, floor: float) -> _Chain:
+    if guess.channels != lessons.channels or guess.n_states != n_states:
+        raise ChannelError(
+            f"the model given as initial_guess has {guess.n_states} states of {guess.channels}; "
+            f"asked for {n_states} of {lessons.channels}"
+        )
+    means, covariances = lessons.standardised(guess.means, guess.covariances)
+    rows = guess.transition * allowed
+    stuck = rows.sum(axis=1) <= 0.0
+    rows[stuck] = allowed[stuck]
+    return _Chain(guess.initial.copy(), rows / rows.sum(axis=1, keepdims=True), means, floored(covariances, floor))
+
+
+def _finished(p: _Chain, trace: Array, converged: bool, *, lessons: Lessons, topology: str, allowed: np.ndarray) -> Fit[Hmm]:
+    """Back to the channels' units, states in order of time, unvisited ones removed and reported."""
+    _, e = _expect(p, lessons)
+    occupancy = e.weights.sum(axis=0)
+    unvisited = np.flatnonzero(occupancy < UNVISITED)
+    say_unvisited(unvisited, len(occupancy), lessons.notes)
+    say_converged(converged, len(trace) - 1, lessons.notes)
+    order = np.arange(len(occupancy))
+    if topology != "left-right":
+        order = np.argsort(lessons.normalised_time() @ e.weights / np.maximum(occupancy, 1e-300), kind="stable")
+    order = order[~np.isin(order, unvisited)]
+    p = _Chain(p.initial[order], p.transition[np.ix_(order, order)], p.means[order], p.covariances[order])
+    rows = p.transition + np.diag(p.transition.sum(axis=1) <= 0.0)
+    p = p._replace(initial=p.initial / p.initial.sum(), transition=rows / rows.sum(axis=1, keepdims=True))
+    if len(unvisited):
+        trace = np.append(trace[:-1], _expect(p, lessons)[0])
+    means, covariances = lessons.original(p.means, p.covariances)
+    trace = trace - lessons.log_volume
+    trace.setflags(write=False)
+    n, d = means.shape
+    free = (0 if topology == "left-right" else n - 1) + int((allowed[np.ix_(order, order)].sum(axis=1) - 1).clip(0).sum())
+    free += n * d + n * d * (d + 1) // 2
+    return Fit(
+        model=Hmm(p.initial, p.transition, means, covariances, lessons.channels),
+        log_likelihood=trace,
+        converged=converged,
+        notes=tuple(lessons.notes),
+        bic=float(-2.0 * trace[-1] + free * np.log(lessons.n_frames)),
+        n_frames=lessons.n_frames,
+    )
+
+
+def _frames(model: Hmm, sequence: Sequence[Any] | Array) -> Array:
+    x = np.asarray(sequence, dtype=np.float64)
+    if x.ndim != 2 or x.shape[1] != model.n_channels or not len(x):
+        raise ChannelError(f"a sequence must be (T, {model.n_channels}) for channels {model.channels}; got {x.shape}")
+    return x

@@ -1,0 +1,169 @@
+"""What every expectation-maximisation here shares: first guesses, the M-step of Gaussians, the climb, and the Fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from ..errors import InternalError, ParameterError
+from ..interfaces import Array
+from .gaussian import floored
+from .lessons import Lessons, Notes
+
+Model = TypeVar("Model")
+Parameters = TypeVar("Parameters")
+Statistics = TypeVar("Statistics")
+
+UNVISITED = 0.1  # [frames] a state that explains less than this in all demonstrations together is removed
+FALL = 1e-9  # relative fall of the likelihood that is rounding; more is a defect
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(Generic[Model]):
+    """A model and how it was learned.
+
+    log_likelihood  (iterations + 1,) of all demonstrations together, in the channels' own units; the last is of `model`
+    converged       False when the iterations ran out
+    notes           everything that was suspicious or changed, one sentence each
+    bic             −2 log L + (free parameters) log N: smaller is better
+    n_frames        N, frames that were learned from
+    """
+
+    model: Model
+    log_likelihood: Array
+    converged: bool
+    notes: tuple[str, ...]
+    bic: float
+    n_frames: int
+
+    @property
+    def n_iterations(self) -> int:
+        return len(self.log_likelihood) - 1
+
+
+def climb(
+    parameters: Parameters,
+    expect: Callable[[Parameters], tuple[float, Statistics]],
+    maximise: Callable[[Statistics, Parameters], Parameters],
+    *,
+    max_iterations: int,
+    rise: float,
+) -> tuple[Parameters, Array, bool]:
+    """Expectation-maximisation until the log-likelihood rises by less than `rise`.
+
+    Never returns a model it has not scored. A likelihood that falls breaks a theorem, so it raises InternalError
+    instead of being called convergence.
+    """
+    if max_iterations < 0:
+        raise ParameterError(f"max_iterations must not be negative; got {max_iterations!r}")
+    trace: list[float] = []
+    for iteration in range(max_iterations + 1):
+        log_likelihood, statistics = expect(parameters)
+        trace.append(log_likelihood)
+        if iteration:
+            gain = trace[-1] - trace[-2]
+            if not gain >= -FALL * max(abs(trace[-2]), 1.0):
+                raise InternalError(
+                    f"the likelihood fell by {-gain:.3e} (from {trace[-2]:.6e}) in iteration {iteration}; "
+                    "please report it with these demonstrations"
+                )
+            if gain < rise:
+                return parameters, np.array(trace), True
+        if iteration < max_iterations:
+            parameters = maximise(statistics, parameters)
+    return parameters, np.array(trace), False
+
+
+def weighted_gaussians(z: Array, weights: Array, floor: float, before: tuple[Array, Array]) -> tuple[Array, Array]:
+    """M-step: centres (K, D) and covariances (K, D, D) of z (N, D) under weights (N, K).
+
+    A state with no weight at all keeps what it had `before`: any value is equally likely then.
+    """
+    means, covariances = before[0].copy(), before[1].copy()
+    occupancy = weights.sum(axis=0)
+    for i in np.flatnonzero(occupancy > 1e-10):
+        w = weights[:, i] / occupancy[i]
+        means[i] = w @ z
+        centred = z - means[i]
+        covariances[i] = (centred * w[:, None]).T @ centred
+    return means, floored(covariances, floor)
+
+
+def time_bins(lessons: Lessons, n_states: int, rng: np.random.Generator | None = None) -> np.ndarray:
+    """Labels (N,): every demonstration cut into K parts of equal time.
+
+    The guess that suits a task with a beginning and an end: random starts mostly end far below it. With `rng` the cuts
+    are moved at random, for restarts.
+    """
+    cuts = np.arange(1, n_states) / n_states
+    if rng is not None:
+        cuts = np.sort(np.clip(cuts + rng.normal(scale=0.4 / n_states, size=len(cuts)), 0.0, 1.0))
+    return np.searchsorted(cuts, lessons.normalised_time(), side="right")
+
+
+def k_means(z: Array, n_clusters: int, rng: np.random.Generator, max_iterations: int = 100) -> np.ndarray:
+    """Labels (N,) by Lloyd's iterations from a k-means++ start."""
+    centres = z[rng.integers(len(z))][None, :].copy()
+    nearest = ((z - centres) ** 2).sum(axis=1)
+    while len(centres) < n_clusters:
+        total = nearest.sum()
+        chosen = z[rng.choice(len(z), p=nearest / total) if total > 0.0 else rng.integers(len(z))]
+        centres = np.concatenate([centres, chosen[None, :]])
+        nearest = np.minimum(nearest, ((z - chosen) ** 2).sum(axis=1))
+    labels = np.full(len(z), -1)
+    for _ in range(max_iterations):
+        distance = ((z[:, None, :] - centres[None, :, :]) ** 2).sum(axis=2)
+        previous, labels = labels, distance.argmin(axis=1)
+        if (labels == previous).all():
+            break
+        for i in range(n_clusters):
+            mine = labels == i
+            # an empty cluster takes the frame that is served worst
+            centres[i] = z[mine].mean(axis=0) if mine.any() else z[distance.min(axis=1).argmax()]
+    return labels
+
+
+def in_order_of_time(labels: np.ndarray, time: Array, n_states: int) -> np.ndarray:
+    """The same clusters, numbered by their mean time."""
+    count = np.bincount(labels, minlength=n_states)
+    mean = np.bincount(labels, weights=time, minlength=n_states) / np.maximum(count, 1)
+    rank = np.empty(n_states, dtype=np.intp)
+    rank[np.argsort(np.where(count > 0, mean, np.inf), kind="stable")] = np.arange(n_states)
+    return rank[labels]
+
+
+def first_guess(lessons: Lessons, n_states: int, how: str, rng: np.random.Generator | None, jitter: bool) -> np.ndarray:
+    """Labels (N,) by "time" or "kmeans"; `jitter` asks for another one at each call."""
+    if how not in ("time", "kmeans"):
+        raise ParameterError(f"initial_guess must be 'time', 'kmeans' or a model; got {how!r}")
+    if rng is None and (jitter or how == "kmeans"):
+        raise ParameterError("k-means and restarts draw at random; pass rng=numpy.random.default_rng(seed)")
+    if how == "time":
+        return time_bins(lessons, n_states, rng if jitter else None)
+    assert rng is not None
+    return in_order_of_time(k_means(lessons.z, n_states, rng), lessons.normalised_time(), n_states)
+
+
+def gaussians_of_labels(z: Array, labels: np.ndarray, n_states: int, floor: float) -> tuple[Array, Array]:
+    """Centres and covariances of labelled frames; an empty label gets those of all frames."""
+    everything = (
+        np.tile(z.mean(axis=0), (n_states, 1)),
+        np.tile(np.cov(z.T, bias=True).reshape(z.shape[1], -1), (n_states, 1, 1)),
+    )
+    return weighted_gaussians(z, np.eye(n_states)[labels], floor, everything)
+
+
+def say_unvisited(states: np.ndarray, n_states: int, notes: Notes) -> None:
+    if len(states):
+        notes.say(
+            f"removed states {states.tolist()} of {n_states}: no frame of any demonstration visits them; "
+            f"the model has {n_states - len(states)} states"
+        )
+
+
+def say_converged(converged: bool, iterations: int, notes: Notes) -> None:
+    if not converged:
+        notes.say(f"not converged after {iterations} iterations: raise max_iterations, or use it knowing this")

@@ -1,0 +1,208 @@
+"""The exact rigid beam: robot at one end, partner at the other, tilt between them.
+
+One axis, small angles (derived in docs/physics.md): the hand follows its velocity command through the actuator's lag and
+holds its orientation with wrist stiffness k_w and damping d_w; the partner's end is z_u = z_r + L theta, and
+
+    (m L^2/3) dd_theta = f_u L - m (g0 + ddz_r) L/2 - k_w theta - d_w d_theta
+    F_s = f_u - m (g0 + ddz_r + L dd_theta/2)                  force of the object on the hand
+
+so the robot feels its partner only through the tilt that its wrist resists. Vertical and lateral axes are of this kind; along
+the beam ("axial") the two ends move as one. Each sub-step solves its linear equations exactly for inputs held constant.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import exp
+
+import numpy as np
+
+from ..errors import ParameterError
+from ..exact_step import second_order_step
+from ..interfaces import STANDARD_GRAVITY, Array, Command, Observation, Partner
+
+
+@dataclass(frozen=True)
+class Beam:
+    """The object and how the robot holds it."""
+
+    mass_kg: float = 2.0
+    length_m: float = 0.8
+    wrist_stiffness_nm_per_rad: float = 2000.0  # 10 N of F tilts 0.8 m of beam by 0.23 deg
+    wrist_damping_nms_per_rad: float = 29.0  # damping ratio 0.5 of the beam on the wrist
+    actuator_lag_s: float = 0.020  # velocity command -> hand velocity, first order
+
+    def __post_init__(self) -> None:
+        for name in ("mass_kg", "length_m", "wrist_stiffness_nm_per_rad", "actuator_lag_s"):
+            if not getattr(self, name) > 0:
+                raise ParameterError(f"{name} must be positive; got {getattr(self, name)}")
+
+
+@dataclass(frozen=True)
+class WristSensor:
+    """What stands between the force on the hand and the number the skill gets."""
+
+    noise_n: float = 0.2  # standard deviation of one sample
+    bias_n: float = 0.0
+    delay_s: float = 0.005
+
+
+class _TransverseAxis:
+    """State of one axis across the beam; everything is a float because d is small and ticks are many."""
+
+    def __init__(self, beam: Beam, gravity: float, step: float) -> None:
+        self.beam, self.gravity, self.step = beam, gravity, step
+        inertia = beam.mass_kg * beam.length_m**2 / 3.0
+        self.inertia = inertia
+        self.tilting = second_order_step(
+            beam.wrist_stiffness_nm_per_rad / inertia, beam.wrist_damping_nms_per_rad / inertia, step
+        )
+        self.decay = exp(-step / beam.actuator_lag_s)
+        self.reset(0.0)
+
+    def reset(self, position: float) -> None:
+        self.position, self.velocity, self.acceleration = position, 0.0, 0.0
+        self.tilt, self.tilt_rate, self.tilt_acceleration = 0.0, 0.0, 0.0
+        self.sensor_force = -0.5 * self.beam.mass_kg * self.gravity
+
+    @property
+    def far_position(self) -> float:
+        return self.position + self.beam.length_m * self.tilt
+
+    @property
+    def far_velocity(self) -> float:
+        return self.velocity + self.beam.length_m * self.tilt_rate
+
+    def advance(self, commanded: float, partner_force: float) -> None:
+        beam, step = self.beam, self.step
+        m, length, lag = beam.mass_kg, beam.length_m, beam.actuator_lag_s
+        error = self.velocity - commanded
+        self.acceleration = -error * (1.0 - self.decay) / step  # mean over the sub-step
+        self.position += commanded * step + error * lag * (1.0 - self.decay)
+        self.velocity = commanded + error * self.decay
+        moment = partner_force * length - 0.5 * m * (self.gravity + self.acceleration) * length
+        self.tilt_acceleration = (
+            moment - beam.wrist_stiffness_nm_per_rad * self.tilt - beam.wrist_damping_nms_per_rad * self.tilt_rate
+        ) / self.inertia
+        self.sensor_force = partner_force - m * (self.gravity + self.acceleration + 0.5 * length * self.tilt_acceleration)
+        tilt, rate, pull = self.tilt, self.tilt_rate, moment / self.inertia
+        one = self.tilting
+        self.tilt = one.yy * tilt + one.yv * rate + one.yu * pull
+        self.tilt_rate = one.vy * tilt + one.vv * rate + one.vu * pull
+
+
+class _AxialAxis(_TransverseAxis):
+    """Along the beam nothing tilts: the ends move as one and the partner's force arrives whole."""
+
+    def reset(self, position: float) -> None:
+        super().reset(position)
+        self.sensor_force = 0.0
+
+    def advance(self, commanded: float, partner_force: float) -> None:
+        super().advance(commanded, 0.5 * self.beam.mass_kg * (self.gravity + self.acceleration))
+        self.tilt = self.tilt_rate = self.tilt_acceleration = 0.0
+        self.sensor_force = partner_force - self.beam.mass_kg * self.acceleration
+
+
+class BeamPlant:
+    """Robot hand, beam and partner in closed loop, for any task axes.
+
+    axes            names; "z" is vertical (gravity), the axis named `axial` lies along the beam, others are lateral
+    dt              control period [s]; physics runs in `substep_s` <= 1 ms steps that divide it
+    start_position  (d,) of the hand [m]
+    rng             sensor noise; pass your own for a reproducible run
+    """
+
+    def __init__(
+        self,
+        partner: Partner,
+        *,
+        beam: Beam = Beam(),
+        sensor: WristSensor = WristSensor(),
+        axes: tuple[str, ...] = ("z",),
+        axial: str = "x",
+        dt: float = 0.01,
+        substep_s: float = 0.001,
+        start_position: Array | None = None,
+        rng: np.random.Generator,
+    ) -> None:
+        if not 0 < dt <= 0.1:
+            raise ParameterError(f"control period dt must lie in (0, 0.1] s; got {dt}")
+        self.dt, self.axes, self.beam, self.sensor, self.partner = dt, tuple(axes), beam, sensor, partner
+        self._substeps = max(1, round(dt / substep_s))
+        self._step = dt / self._substeps
+        self._rng = rng
+        d = len(self.axes)
+        self._start = np.zeros(d) if start_position is None else np.array(start_position, dtype=float)
+        if self._start.shape != (d,):
+            raise ParameterError(f"start_position needs {d} values for axes {self.axes}; got {self._start.shape}")
+        self._state = [
+            (_AxialAxis if name == axial else _TransverseAxis)(beam, STANDARD_GRAVITY if name == "z" else 0.0, self._step)
+            for name in self.axes
+        ]
+        self._commanded = np.zeros(d)
+        self._far_position, self._far_velocity, self._partner_force = np.zeros(d), np.zeros(d), np.zeros(d)
+        self._sampled = np.zeros(d)
+        self._channels = {
+            "partner.force": (self._partner_force, "N"),
+            "partner.position": (self._far_position, "m"),
+            "beam.tilt": (np.zeros(d), "rad"),
+            "hand.acceleration": (np.zeros(d), "m/s^2"),
+            "hand.true_force": (np.zeros(d), "N"),
+        }
+        self.reset()
+
+    @property
+    def channels(self) -> Mapping[str, tuple[Array, str]]:
+        return self._channels
+
+    @property
+    def stop_reason(self) -> str:
+        if not np.isfinite(self._far_position).all():
+            return "the plant's state is not finite"
+        return ""
+
+    def reset(self) -> None:
+        for axis, position in zip(self._state, self._start, strict=True):
+            axis.reset(float(position))
+        self.time = 0.0
+        self._commanded[:] = 0.0
+        self._far_position[:] = self._start
+        self._far_velocity[:] = 0.0
+        self.partner.reset(self._start.copy())
+        self._sampled[:] = [axis.sensor_force for axis in self._state]
+        late = round(self.sensor.delay_s / self._step)
+        self._line = [deque([axis.sensor_force] * (late + 1), maxlen=late + 1) for axis in self._state]
+
+    def read(self, obs: Observation) -> None:
+        obs.time = self.time
+        noise = self.sensor.noise_n * self._rng.standard_normal(len(self.axes))
+        for i, axis in enumerate(self._state):
+            obs.position[i] = axis.position
+            obs.velocity[i] = axis.velocity
+            obs.sensor_force[i] = self._sampled[i] + self.sensor.bias_n + noise[i]
+            self._channels["beam.tilt"][0][i] = axis.tilt
+            self._channels["hand.acceleration"][0][i] = axis.acceleration
+            weight = 0.5 * self.beam.mass_kg * (axis.gravity + axis.acceleration)
+            self._channels["hand.true_force"][0][i] = axis.sensor_force + weight
+
+    def write(self, command: Command) -> None:
+        self._commanded[:] = command.velocity
+
+    def advance(self) -> None:
+        """One control period. The sensor integrates over it, as anti-aliased sensors do."""
+        total = [0.0] * len(self._state)
+        commanded = self._commanded.tolist()
+        for n in range(self._substeps):
+            self.partner.force(self.time + n * self._step, self._far_position, self._far_velocity, self._partner_force)
+            for i, axis in enumerate(self._state):
+                axis.advance(commanded[i], float(self._partner_force[i]))
+                self._far_position[i] = axis.far_position
+                self._far_velocity[i] = axis.far_velocity
+                line = self._line[i]
+                line.append(axis.sensor_force)
+                total[i] += line[0]
+        self.time += self.dt
+        self._sampled[:] = [t / self._substeps for t in total]

@@ -1,0 +1,210 @@
+"""The default law: one law for both roles, a reference that was learned, compliance around the force that was learned.
+
+    M dc/dt = dz(F - F_r) - D c + M a_ff      compliance: a mass-damper around the EXPECTED force
+    v       = s' v_r(s) + lambda (x_r(s) - x) + c
+
+Leader and follower differ in who drives the phase s of the reference (x_r, v_r, F_r):
+
+leader    time drives s, and resistance beyond what was taught slows it down; the partner can always push the hand away from
+          the reference, because the compliance c is passive (F > 0 never moves the hand down)
+follower  evidence drives s: where the hand is. The reference contributes no motion of its own, only what reflexes cannot
+          know: a_ff, how speed will change next if the partner goes on as taught, as long as the force agrees
+
+Why not eq. (5) alone: in a leader's lessons force is the EFFECT of motion, and regressing velocity on it closes a positive
+feedback through the partner; see docs/laws.md. At rest the damping rises and a dead zone opens, so noise moves nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..errors import MismatchError, ParameterError
+from ..interfaces import Array, Command, Observation
+from ..models.filtering import ForwardFilter
+from ..models.gmm import Gmm
+from ..models.hmm import Hmm
+from .reference import PhaseReference
+
+ROLES = ("leader", "follower")
+
+
+@dataclass(frozen=True)
+class CollaborativeLaw:
+    """Numbers of the law. Defaults were chosen on partners drawn for tuning, never on those that results are reported on."""
+
+    virtual_mass_kg: float = 4.0
+    moving_damping_ns_per_m: float = 3.0
+    resting_damping_ns_per_m: float = 60.0
+    moving_speed_m_per_s: float = 0.05  # from here on the hand counts as fully in motion
+    dead_zone_n: float = 0.3  # at rest only
+    anticipation: float = 0.5  # share of the foreseen acceleration that the follower adds by itself
+    anticipation_s: float = 0.05
+    attraction_per_s: float = 2.0  # lambda, leader
+    start_delay_s: float = 0.5  # leader: stands still this long before it starts
+    yield_n: float = 3.0  # leader: resistance beyond the expected that starts to slow its clock
+    yield_gain_per_n: float = 0.1
+    slowest_clock: float = 0.2
+    patience_s: float = 0.15  # how long resistance must last to count
+    reach_m: float = 0.10  # starts farther than this outside the taught positions: comply only
+    max_acceleration_m_per_s2: float = 5.0
+
+    @staticmethod
+    def for_role(role: str, **settings: Any) -> CollaborativeLaw:
+        """The defaults of a role, with `settings` on top; unknown names list the known ones."""
+        known = CollaborativeLaw.__dataclass_fields__
+        unknown = sorted(set(settings) - set(known))
+        if unknown:
+            raise ParameterError(f"law 'default' has no setting {unknown[0]!r}; it has: {', '.join(known)}")
+        law = CollaborativeLaw()
+        if role == "leader":
+            law = replace(law, moving_damping_ns_per_m=30.0, resting_damping_ns_per_m=80.0, dead_zone_n=0.5)
+        return replace(law, **settings)
+
+
+class CollaborativeSkill:
+    """Carries an object with a partner, as leader or as follower, from what lessons of that role taught.
+
+    Diagnostics: weights (K,) of the model's states from position and force, phase [s], clock speed, expected force, compliance
+    velocity. `notice` says when it does less than asked ("outside what was taught: complies only").
+    """
+
+    stop_reason = ""
+
+    def __init__(
+        self,
+        model: Hmm,
+        clock: Gmm | None,
+        *,
+        role: str,
+        axes: tuple[str, ...],
+        dt: float,
+        model_dt: float,
+        law: CollaborativeLaw | None = None,
+    ) -> None:
+        if role not in ROLES:
+            raise MismatchError(
+                f"the default law needs a role, leader or follower; the skill states {role or 'none'!r}: pass --role"
+            )
+        if clock is None:
+            raise MismatchError("the default law needs states in order of time: learn with topology left-right")
+        self.role, self.law = role, law or CollaborativeLaw.for_role(role)
+        self.reference = PhaseReference(clock, axes)
+        self._dt, self._model_dt = dt, model_dt
+        d = len(axes)
+        wanted = [g for g in ("position", "force") if any(c.startswith(g + ".") for c in model.channels)]
+        self._filter = ForwardFilter(model, wanted)
+        self._low, self._high = self.reference.position.min(axis=0), self.reference.position.max(axis=0)
+        self._top_speed = float(np.linalg.norm(self.reference.velocity, axis=1).max())
+        self._h = np.zeros(model.n_states)
+        self._phase, self._rate = np.zeros(1), np.zeros(1)
+        self._expected, self._compliance = np.zeros(d), np.zeros(d)
+        self._velocity, self._position, self._force = np.zeros(d), np.zeros(d), np.zeros(d)
+
+    @property
+    def diagnostics(self) -> Mapping[str, Array]:
+        return {
+            "weights": self._h,
+            "phase": self._phase,
+            "clock_rate": self._rate,
+            "expected_force": self._expected,
+            "compliance": self._compliance,
+        }
+
+    def reset(self, obs: Observation) -> None:
+        self._filter.reset()
+        self._until_filter = 0.0
+        self._h[:] = self._filter.weights
+        self._position[:] = np.nan_to_num(obs.position)
+        self._start = self._position.copy()
+        for array in (self._velocity, self._force, self._compliance, self._expected):
+            array[:] = 0.0
+        self._resistance = 0.0
+        self._phase[0] = -self.law.start_delay_s if self.role == "leader" else 0.0
+        self._rate[0] = 0.0
+        outside = np.maximum(self._low - self._position, self._position - self._high).max()
+        self._complies_only = bool(outside > self.law.reach_m)
+        self.notice = f"outside what was taught by {outside:.2f} m: complies only" if self._complies_only else ""
+
+    def step(self, obs: Observation, command: Command) -> None:
+        x = np.where(np.isfinite(obs.position), obs.position, self._position)
+        # a missing force is taken as none: the compliance then only dies away
+        force = np.where(np.isfinite(obs.force), obs.force, 0.0)
+        self._position[:] = x
+        self._weigh(x, obs.force)
+        if self._complies_only:
+            feedforward, reference = np.zeros_like(x), np.zeros_like(x)
+            self._expected[:] = 0.0
+        elif self.role == "leader":
+            feedforward, reference = np.zeros_like(x), self._lead(x, force)
+        else:
+            feedforward, reference = self._anticipate(x, force), np.zeros_like(x)
+        self._comply(force - self._expected, reference, feedforward)
+        limit = self.law.max_acceleration_m_per_s2 * self._dt
+        change = np.clip(reference + self._compliance - self._velocity, -limit, limit)
+        self._velocity += change
+        command.velocity[:] = self._velocity
+        command.position[:] = x + self._dt * self._velocity
+        command.acceleration[:] = change / self._dt
+
+    def _comply(self, excess: Array, reference: Array, feedforward: Array) -> None:
+        """The mass-damper; damping is implicit, so any value is stable by itself at any dt."""
+        law = self.law
+        speed = max(float(np.abs(self._compliance).max()), float(np.abs(reference).max()))
+        rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
+        damping = law.moving_damping_ns_per_m + rest**2 * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
+        dead = law.dead_zone_n * rest
+        push = np.sign(excess) * np.maximum(np.abs(excess) - dead, 0.0)
+        share = self._dt / law.virtual_mass_kg
+        self._compliance[:] = (self._compliance + share * push + self._dt * feedforward) / (1.0 + share * damping)
+
+    def _lead(self, x: Array, force: Array) -> Array:
+        """Advances the clock and gives s' v_r + lambda (x_r - x)."""
+        law, reference, s = self.law, self.reference, float(self._phase[0])
+        moving = 0.0 <= s < reference.duration_s
+        target = reference.at(reference.position, s) if s >= 0.0 else self._start
+        velocity = reference.at(reference.velocity, s) if moving else np.zeros_like(x)
+        self._expected[:] = reference.at(reference.force, s) if s >= 0.0 else 0.0
+        speed = float(np.linalg.norm(velocity))
+        against = float((force - self._expected) @ velocity) / speed if speed > 1e-6 else 0.0
+        excess = min(against + law.yield_n, 0.0)
+        self._resistance += min(self._dt / law.patience_s, 1.0) * (excess - self._resistance)
+        rate = max(1.0 + law.yield_gain_per_n * self._resistance, law.slowest_clock) if moving else 1.0
+        self._rate[0] = rate
+        self._phase[0] = min(s + self._dt * rate, reference.duration_s)
+        return rate * velocity + law.attraction_per_s * self._bounded(target - x)
+
+    def _bounded(self, error: Array) -> Array:
+        """The attractor never asks for more than the taught top speed, however far away it starts."""
+        length = float(np.linalg.norm(error)) * self.law.attraction_per_s
+        return error * min(1.0, self._top_speed / length) if length > 1e-9 else error
+
+    def _anticipate(self, x: Array, force: Array) -> Array:
+        """Acceleration to expect next: the taught change of speed ahead, scaled to the partner's present speed."""
+        law, reference = self.law, self.reference
+        taught = x - self._start + reference.position[0]
+        s = reference.closest(taught, float(self._phase[0]))
+        self._rate[0] = (s - float(self._phase[0])) / self._dt
+        self._phase[0] = s
+        speed = float(np.linalg.norm(self._compliance))
+        if speed < 0.02:
+            return np.zeros_like(x)
+        now = reference.at(reference.velocity, s)
+        usual = max(float(np.linalg.norm(now)), 0.03)
+        ahead = reference.at(reference.velocity, s + law.anticipation_s * min(speed / usual, 2.0))
+        along = self._compliance / speed
+        agreement = min(max((float(force @ along) + 1.0) / 2.0, 0.0), 1.0)  # a partner who brakes switches it off
+        agreement *= min(speed / law.moving_speed_m_per_s, 1.0)
+        foreseen = (ahead - now) / law.anticipation_s * min(speed / usual, 1.5)
+        return law.anticipation * agreement * np.clip(foreseen, -1.0, 1.0)
+
+    def _weigh(self, x: Array, force: Array) -> None:
+        """Eq. (4) from position and force on the model's own clock: which state of the task this is."""
+        self._until_filter -= self._dt
+        while self._until_filter <= 1e-9:
+            self._until_filter += self._model_dt
+            n = len(self._filter.channels)
+            self._h[:] = self._filter.step(np.concatenate([x, force])[:n])

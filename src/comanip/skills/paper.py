@@ -1,0 +1,210 @@
+"""The paper's skill: HMM weights, two regressions, one second-order controller. Equations (4) to (10).
+
+`PaperLaw()` is the paper to the letter where the letter is defined; every other reading is an argument. Where a choice is argued:
+docs/laws.md. With a living partner the literal law fails (docs/results.md); it is here because it is the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from ..errors import ParameterError
+from ..exact_step import second_order_step
+from ..interfaces import Array, Command, Observation
+from ..models.filtering import ForwardFilter
+from ..models.gaussian import log_density, marginal, normalised
+from ..models.gmr import Regression
+from ..models.hmm import Hmm
+
+
+@dataclass(frozen=True)
+class PaperLaw:
+    """Choices of the law; defaults are the paper's.
+
+    weights           "hmm" eq. (4), "mixture" eq. (7) without priors
+    weight_channels   which channels enter the weights; () is all, the paper's
+    attraction_per_s  lambda_max = kappa^P_max / kappa^V [1/s]. The paper's kappa^P_max = 0.08 is PER STEP of 0.01 s, i.e.
+                      800 1/s^2 against kappa^V = 100 1/s: lambda_max = 8 1/s, which has the same meaning at any rate
+    velocity_gain_per_s   kappa^V [1/s]; None is 1/dt (eq. 9)
+    gain              "likelihood" eq. (9), or "constant" (always lambda_max)
+    target_position   what x_hat of eq. (6) is regressed from: "measured" velocity (paper), "predicted" velocity v_hat, which
+                      opens the loop velocity -> x_hat -> velocity, or "force" alone
+    integrator        "euler" eq. (10) or "exact" (the linear ODE of eq. (8), targets held over the step)
+    """
+
+    weights: str = "hmm"
+    weight_channels: tuple[str, ...] = ()
+    attraction_per_s: float = 8.0
+    velocity_gain_per_s: float | None = None
+    gain: str = "likelihood"
+    target_position: str = "measured"
+    integrator: str = "euler"
+    transition_floor: float = 1e-6
+
+    def __post_init__(self) -> None:
+        choices = {
+            "weights": ("hmm", "mixture"),
+            "gain": ("likelihood", "constant"),
+            "target_position": ("measured", "predicted", "force"),
+            "integrator": ("euler", "exact"),
+        }
+        for name, allowed in choices.items():
+            if getattr(self, name) not in allowed:
+                raise ParameterError(f"{name}={getattr(self, name)!r}; allowed: {', '.join(allowed)}")
+        object.__setattr__(self, "weight_channels", tuple(self.weight_channels))
+
+
+class PositionGain:
+    """Eq. (9): kappa^P(x) / kappa^P_max in [0, 1], from how unlikely the position is under every state.
+
+    L(x) = max_i log N(x; mu_i^x, Sigma_i^x). L_max is the highest peak; L_min, the lowest value over the box W, is attained at a
+    vertex because each log N is concave. (The paper leaves L(x) undefined; "closest in a likelihood sense" is this.)
+    """
+
+    def __init__(self, model: Hmm, workspace: Array) -> None:
+        if not (workspace[:, 1] > workspace[:, 0]).all():
+            raise ParameterError(f"the workspace is empty along some axis: {workspace.tolist()}")
+        columns = [i for i, c in enumerate(model.channels) if c.startswith("position.")]
+        self._means, covariances = marginal(model.means, model.covariances, columns)
+        self._precision = np.linalg.inv(covariances)
+        self._log_peak = np.diag(log_density(self._means, self._means, covariances))
+        vertices = np.array(list(product(*workspace)))
+        self._top = float(self._log_peak.max())
+        self._bottom = float(log_density(vertices, self._means, covariances).min())
+
+    def __call__(self, x: Array) -> float:
+        apart = x - self._means
+        closest = (self._log_peak - 0.5 * np.einsum("ki,kij,kj->k", apart, self._precision, apart)).max()
+        span = self._top - self._bottom
+        return float(min(max((self._top - closest) / span, 0.0), 1.0)) if span > 0.0 else 0.0
+
+
+class PaperSkill:
+    """Runs a model by eqs. (4)-(10) at any control period.
+
+    dt        control period [s]. The HMM was learned at `model_dt`, so its filter runs on its own clock of that period:
+              at 1 kHz it steps every tenth tick, and evidence counts as often as in the lessons
+    workspace (d, 2) W of eq. (9) [m]
+    """
+
+    notice = ""
+    stop_reason = ""
+
+    def __init__(
+        self,
+        model: Hmm,
+        *,
+        axes: tuple[str, ...],
+        dt: float,
+        model_dt: float,
+        workspace: Array,
+        law: PaperLaw = PaperLaw(),
+    ) -> None:
+        self.law, self._dt, self._model_dt = law, dt, model_dt
+        self._has_force = any(c.startswith("force.") for c in model.channels)
+        inputs = ("position", "force") if self._has_force else ("position",)
+        back = {"measured": ("force", "velocity"), "predicted": ("force", "velocity"), "force": ("force",)}
+        backwards = back[law.target_position] if self._has_force else ("velocity",)
+        self._velocity_from = Regression(model, inputs, "velocity")  # eq. (5)
+        self._position_from = Regression(model, backwards, "position")  # eq. (6)
+        self._blind = Regression(model, "position", "velocity")  # eq. (5) while the force is missing
+        self._filter = ForwardFilter(model, law.weight_channels or None, transition_floor=law.transition_floor)
+        self._gain = PositionGain(model, workspace)
+        d, k = len(axes), model.n_states
+        self._groups = {"position": np.zeros(d), "force": np.zeros(d), "velocity": np.zeros(d)}
+        self._sources = [(g, axes.index(a)) for g, a in (c.split(".", 1) for c in self._filter.channels)]
+        self._xi = np.zeros(len(self._filter.channels))
+        self._marginal = marginal(model.means, model.covariances, [model.channels.index(c) for c in self._filter.channels])
+        self._v_hat, self._x_hat = np.zeros(d), np.zeros(d)
+        self._h, self._kappa_p = np.zeros(k), np.zeros(1)
+        self._position, self._velocity = np.zeros(d), np.zeros(d)
+
+    @property
+    def diagnostics(self) -> Mapping[str, Array]:
+        return {
+            "weights": self._h,
+            "target_velocity": self._v_hat,
+            "target_position": self._x_hat,
+            "position_gain": self._kappa_p,
+        }
+
+    def reset(self, obs: Observation) -> None:
+        self._filter.reset()
+        self._until_filter = 0.0
+        self._h[:] = self._filter.weights
+        self._position[:] = np.nan_to_num(obs.position)
+        self._velocity[:] = 0.0
+        self._force = np.zeros_like(self._position)
+
+    def step(self, obs: Observation, command: Command) -> None:
+        x = np.where(np.isfinite(obs.position), obs.position, self._position)
+        dx = np.where(np.isfinite(obs.velocity), obs.velocity, self._velocity)
+        self._weigh(x, obs.force, dx)
+        felt = self._has_force and bool(np.isfinite(obs.force).all())
+        if felt:
+            self._force = obs.force
+            self._velocity_from.mean(self._h, np.concatenate([x, obs.force]), out=self._v_hat)
+        else:
+            self._blind.mean(self._h, x, out=self._v_hat)
+        self._position_from.mean(self._h, self._backward_inputs(dx), out=self._x_hat)
+        kappa_v = self.law.velocity_gain_per_s or 1.0 / self._dt
+        share = self._gain(x) if self.law.gain == "likelihood" else 1.0
+        self._kappa_p[0] = kappa_v * self.law.attraction_per_s * share
+        self._integrate(x, dx, kappa_v, float(self._kappa_p[0]))
+        command.position[:], command.velocity[:] = self._position, self._velocity
+        command.acceleration[:] = (self._velocity - dx) / self._dt
+
+    def _weigh(self, x: Array, force: Array, dx: Array) -> None:
+        """Eq. (4) or (7), on the model's own clock."""
+        self._until_filter -= self._dt
+        groups = {"position": x, "force": force, "velocity": dx}
+        while self._until_filter <= 1e-9:
+            self._until_filter += self._model_dt
+            for n, (group, axis) in enumerate(self._sources):
+                self._xi[n] = groups[group][axis]
+            if self.law.weights == "hmm":
+                self._h[:] = self._filter.step(self._xi)
+            else:
+                self._h[:] = normalised(log_density(self._xi[None], *self._marginal))[0]
+
+    def _backward_inputs(self, dx: Array) -> Array:
+        v = self._v_hat if self.law.target_position == "predicted" else dx
+        if not self._has_force:
+            return v
+        return self._force if self.law.target_position == "force" else np.concatenate([self._force, v])
+
+    def _integrate(self, x: Array, dx: Array, kappa_v: float, kappa_p: float) -> None:
+        """Eq. (8), then eq. (10) or the exact step of the same equation."""
+        pull = (self._v_hat - dx) * kappa_v + (self._x_hat - x) * kappa_p
+        if self.law.integrator == "euler":
+            self._velocity[:] = dx + self._dt * pull
+            self._position[:] = x + self._dt * self._velocity
+        else:
+            one = second_order_step(kappa_p, kappa_v, self._dt)
+            drive = pull + kappa_v * dx  # right-hand side of y'' = -kappa_p y - kappa_v y' + drive, y = x(t) - x
+            self._position[:] = x + one.yv * dx + one.yu * drive
+            self._velocity[:] = one.vv * dx + one.vu * drive
+
+
+def hidden_loop_gain(model: Hmm, attraction_per_s: float) -> Array:
+    """(K,) gain of the loop velocity -> x_hat -> velocity: lambda ||Sigma^{x dx} (Sigma^{dx})^-1||. Above 1 it diverges."""
+    inputs: tuple[str, ...] = ("force", "velocity")
+    if not any(c.startswith("force.") for c in model.channels):
+        inputs = ("velocity",)
+    regression = Regression(model, inputs, "position")
+    velocity = [i for i, c in enumerate(regression.inputs) if c.startswith("velocity.")]
+    return attraction_per_s * np.linalg.norm(regression.gains[:, :, velocity], ord=2, axis=(1, 2))
+
+
+def law_from(settings: Mapping[str, Any]) -> PaperLaw:
+    """PaperLaw from stored settings; an unknown name is a ParameterError that lists the known ones."""
+    known = PaperLaw.__dataclass_fields__
+    unknown = sorted(set(settings) - set(known))
+    if unknown:
+        raise ParameterError(f"law 'paper' has no setting {unknown[0]!r}; it has: {', '.join(known)}")
+    return PaperLaw(**settings)

@@ -1,0 +1,68 @@
+"""What the lessons lead us to expect along the task: position, velocity and force over phase."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import TrainingError
+from ..interfaces import Array
+from ..models.clock import PHASE
+from ..models.gmm import Gmm
+from ..models.gmr import regress
+
+MOVING = 0.03  # share of the top speed that counts as motion
+POINTS_PER_S = 100
+
+
+class PhaseReference:
+    """A table over the MOVING part of the task; rest before and after is left out, so phase 0 is where motion begins.
+
+    duration_s   of the usual motion [s]
+    position, velocity, force   (N, d) at N equal steps of phase; velocity is d position / d phase
+    """
+
+    def __init__(self, clock: Gmm, axes: tuple[str, ...]) -> None:
+        first = clock.channels.index(PHASE)
+        centre, spread = clock.means[:, first], np.sqrt(clock.covariances[:, first, first])
+        low, high = float((centre - 3 * spread).min()), float((centre + 3 * spread).max())
+        phase = np.linspace(max(low, 0.0), high, max(int((high - low) * POINTS_PER_S), 50))
+        position = self._expected(clock, "position", phase)
+        velocity = self._expected(clock, "velocity", phase)
+        force = self._expected(clock, "force", phase) if self._has(clock, "force") else np.zeros_like(position)
+        speed = np.linalg.norm(velocity, axis=1)
+        moving = np.flatnonzero(speed > MOVING * speed.max())
+        if len(moving) < 5:
+            raise TrainingError("the lessons show no motion to learn: the hand's expected speed is zero throughout")
+        part = slice(moving[0], moving[-1] + 1)
+        self.axes = axes
+        self.step_s = float(phase[1] - phase[0])
+        self.duration_s = self.step_s * (part.stop - part.start - 1)
+        self.position = position[part]
+        self.velocity = np.gradient(self.position, self.step_s, axis=0)
+        self.velocity[[0, -1]] = 0.0
+        # F is what the partner does beyond carrying his share: at rest nothing, so offsets of a sensor are not expected again
+        self.force = force[part] - np.linspace(force[part.start], force[part.stop - 1], part.stop - part.start)
+        self._last = len(self.position) - 1
+
+    @staticmethod
+    def _has(clock: Gmm, group: str) -> bool:
+        return any(c.startswith(group + ".") for c in clock.channels)
+
+    @staticmethod
+    def _expected(clock: Gmm, group: str, phase: Array) -> Array:
+        return regress(clock, PHASE, group, phase[:, None], weights="mixture-with-priors").mean
+
+    def at(self, table: Array, phase_s: float) -> Array:
+        """A row (d,) of `position`, `velocity` or `force` between the table's points; held outside."""
+        place = min(max(phase_s / self.step_s, 0.0), float(self._last))
+        n = min(int(place), self._last - 1)
+        share = place - n
+        return np.asarray((1.0 - share) * table[n] + share * table[n + 1])
+
+    def closest(self, position: Array, near_s: float, reach_s: float = 0.15) -> float:
+        """Phase [s] whose expected position is closest to `position` (d,), searched within `reach_s` of `near_s`."""
+        low = max(int((near_s - reach_s) / self.step_s), 0)
+        high = min(int((near_s + reach_s) / self.step_s) + 2, self._last + 1)
+        low = min(low, high - 1)
+        apart = self.position[low:high] - position
+        return (low + int(np.einsum("nd,nd->n", apart, apart).argmin())) * self.step_s
