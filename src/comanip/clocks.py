@@ -55,9 +55,7 @@ def one_rate(
         jitter += f" and {lost} frames missing" if lost else ""
         notes.append(f"{n}: resampled from {rates[n]:.6g} Hz{jitter} to {rate:.6g} Hz ({how})")
         if not even and _jitter(c, own) > 0.5 * own:
-            suspect(
-                notes, f"{where}: {n}: stamps are up to {_jitter(c, own) * 1e3:.3g} ms off a regular {rates[n]:.4g} Hz"
-            )
+            suspect(notes, f"{where}: {n}: stamps are up to {_jitter(c, own) * 1e3:.3g} ms off a regular {rates[n]:.4g} Hz")
     return dt, signals
 
 

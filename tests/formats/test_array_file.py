@@ -16,9 +16,7 @@ POSITION = np.random.default_rng(0).normal(size=(200, 3))
 def structs(tmp_path):
     io = pytest.importorskip("scipy.io")
     takes = np.array([{"pos": POSITION.T + k, "t": TIME} for k in range(3)], dtype=object)
-    io.savemat(
-        tmp_path / "a.mat", {"take": takes, "log": {"signals": [{"v": POSITION}, {"v": 2 * POSITION}], "t": TIME}}
-    )
+    io.savemat(tmp_path / "a.mat", {"take": takes, "log": {"signals": [{"v": POSITION}, {"v": 2 * POSITION}], "t": TIME}})
     return tmp_path / "a.mat"
 
 
@@ -71,9 +69,7 @@ def test_lengths_that_disagree_are_refused_with_both(tmp_path):
         read(tmp_path / "a.npz", Columns(position="position", force="force"))
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"position_unit": "furlong"}, {"rate_hz": -1.0}, {"force_unit": "m"}, {"axes": "z,z"}]
-)
+@pytest.mark.parametrize("wrong", [{"position_unit": "furlong"}, {"rate_hz": -1.0}, {"force_unit": "m"}, {"axes": "z,z"}])
 def test_a_wrong_flag_lists_what_is_allowed(wrong):
     with pytest.raises(ParameterError):
         Columns(**wrong)

@@ -62,9 +62,7 @@ def test_stamps_before_zero_and_since_1970_survive(tmp_path):
 
 def test_frames_keep_their_order_when_a_clock_jumps_back(tmp_path):
     time = np.array([0.0, 0.1, 0.05, 0.2])
-    write(
-        Recording({"a": Channel(time, [1, 2, 3, 4], "m"), "b": Channel(time, [5, 6, 7, 8], "m")}), tmp_path / "a.mcap"
-    )
+    write(Recording({"a": Channel(time, [1, 2, 3, 4], "m"), "b": Channel(time, [5, 6, 7, 8], "m")}), tmp_path / "a.mcap")
     (back,) = read(tmp_path / "a.mcap")
     assert back["a"].time.tolist() == time.tolist()
     assert back["a"].values[:, 0].tolist() == [1, 2, 3, 4]

@@ -50,9 +50,7 @@ def _bytes(path: Path) -> bytes:
         kind = "mcap" if head[:8] == _MCAP else "arrays" if head.startswith(_ARRAYS) else "text"
         size, limit = path.stat().st_size, MAX_BYTES[kind]
         if size > limit:
-            raise RecordingError(
-                f"{path}: {size >> 20} MB; the limit for {kind} is {limit >> 20} MB: cut it into takes"
-            )
+            raise RecordingError(f"{path}: {size >> 20} MB; the limit for {kind} is {limit >> 20} MB: cut it into takes")
         return head + stream.read()
 
 

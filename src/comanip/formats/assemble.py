@@ -190,9 +190,7 @@ def _stacked(where: str, arrays: list[Array], frames: int | None, notes: list[st
     return np.concatenate(upright, axis=1)
 
 
-def _channel(
-    source: Source, kind: str, time: Array, values: Array, columns: Columns, channel: str, notes: list[str]
-) -> Channel:
+def _channel(source: Source, kind: str, time: Array, values: Array, columns: Columns, channel: str, notes: list[str]) -> Channel:
     where = f"{source.path}: {channel}"
     expressions = getattr(columns, kind) if kind else columns.extra[channel]
     base = "force" if kind == "sensor_force" else kind
