@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from toys import CHANNELS, lifts, random_gmm
 
 from comanip.errors import ChannelError, ComanipWarning, InternalError, ParameterError, TrainingError
 from comanip.models.filtering import ForwardFilter
@@ -14,6 +13,7 @@ from comanip.models.gmm import Gmm, fit_gmm
 from comanip.models.gmr import Regression, regress
 from comanip.models.hmm import Hmm, fit_hmm, log_likelihood
 from comanip.models.learning import climb
+from toys import CHANNELS, lifts, random_gmm
 
 
 def with_channel(data, channel, value):
@@ -143,7 +143,7 @@ def test_t11_data_in_steps_of_a_newton_and_a_centimetre_train():
 def test_t12_a_value_no_sensor_gives_names_demonstration_frame_channel_and_value(learn, value):
     data = lifts()
     data[3][117, 1] = value
-    with pytest.raises(TrainingError, match="demonstration 3, frame 117: force.z is") as error:
+    with pytest.raises(TrainingError, match=r"demonstration 3, frame 117: force\.z is") as error:
         learn(data, 5, channels=CHANNELS)
     assert f"{value:g}" in str(error.value)
 

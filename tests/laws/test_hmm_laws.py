@@ -5,13 +5,13 @@ import warnings
 
 import numpy as np
 import pytest
-from toys import CHANNELS, lifts, random_hmm
 
 from comanip.errors import ComanipWarning, InternalError
 from comanip.models import chains, hmm
 from comanip.models.gaussian import log_density
 from comanip.models.hmm import Hmm, fit_hmm
 from comanip.models.learning import climb
+from toys import CHANNELS, lifts, random_hmm
 
 
 def every_path(model, x):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from toys import random_gmm
 
 from comanip.models import gmm
 from comanip.models.gmm import Gmm, fit_gmm
 from comanip.models.gmr import Regression, regress
+from toys import random_gmm
 
 
 def mapped(model, matrix, shift):

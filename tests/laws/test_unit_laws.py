@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from toys import CHANNELS, lifts
 
 from comanip.models import hmm
 from comanip.models.filtering import ForwardFilter
 from comanip.models.gmm import fit_gmm
 from comanip.models.gmr import regress
 from comanip.models.hmm import fit_hmm
+from toys import CHANNELS, lifts
 
 DATA = lifts(4)
 SCALES = [1e6, 1e-6, 1e3, 1e-3]

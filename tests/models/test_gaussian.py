@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from toys import random_covariances
 
 from comanip.errors import ParameterError
 from comanip.models import gaussian
+from toys import random_covariances
 
 RNG = np.random.default_rng(0)
 MEANS = RNG.normal(size=(3, 2))

@@ -5,14 +5,14 @@ import sys
 
 import numpy as np
 import pytest
-from toys import CHANNELS, lifts, random_gmm, random_hmm
 
 import comanip
-from comanip import Gmm, Hmm, fit_gmm, fit_hmm, select_states
+from comanip import Hmm, fit_gmm, fit_hmm, select_states
 from comanip.errors import ChannelError, ParameterError
 from comanip.models import gmm, hmm
 from comanip.models.gmr import Regression, regress
 from comanip.models.learning import k_means
+from toys import CHANNELS, lifts, random_gmm, random_hmm
 
 GOOD = {
     "initial": [0.5, 0.5],
@@ -73,7 +73,7 @@ def test_importing_comanip_and_its_models_loads_neither_scipy_nor_scikit_learn()
 def test_every_public_name_can_be_had_and_a_wrong_one_lists_them():
     for name in comanip.__all__:
         assert getattr(comanip, name) is not None
-    with pytest.raises(AttributeError, match="no attribute 'Hnm'; it has: .*Hmm"):
+    with pytest.raises(AttributeError, match=r"no attribute 'Hnm'; it has: .*Hmm"):
         comanip.Hnm  # noqa: B018
 
 
@@ -81,7 +81,7 @@ def test_em_of_a_mixture_never_falls():
     for seed in range(30):
         rng = np.random.default_rng(seed)
         data = [rng.normal(size=(40, 2)).cumsum(axis=0) for _ in range(2)]
-        fit = fit_gmm(data, 1 + seed % 5, channels=("a", "b"), initial_guess="kmeans", rng=rng, tolerance=0.0)
+        fit = fit_gmm(data, 1 + seed % 5, channels=("a", "b"), initial_guess="kmeans", rng=rng)
         assert np.diff(fit.log_likelihood).min(initial=0.0) >= -1e-9 * np.abs(fit.log_likelihood).max()
         assert fit.log_likelihood[-1] == pytest.approx(gmm.log_likelihood(fit.model, np.concatenate(data)).sum())
 

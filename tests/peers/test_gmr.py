@@ -2,17 +2,16 @@
 
 import numpy as np
 import pytest
-from toys import random_gmm
 
-from comanip import GMM, MVN
-from comanip.models.gmm import in_confidence_region, log_likelihood, responsibilities
-from comanip.models.gmr import regress
-from comanip.models.mixture_estimators import (
-    GaussianMixtureRegressor,
+from comanip import GMM, MVN, GaussianMixtureRegressor
+from comanip.models.estimators.gmm import (
     covariance_initialization,
     kmeansplusplus_initialization,
     plot_error_ellipses,
 )
+from comanip.models.gmm import in_confidence_region, log_likelihood, responsibilities
+from comanip.models.gmr import regress
+from toys import random_gmm
 
 gmr = pytest.importorskip("gmr")
 

@@ -4,13 +4,13 @@ import logging
 
 import numpy as np
 import pytest
-from toys import CHANNELS, lifts, random_hmm
 
 from comanip import GaussianHMM
 from comanip.models import chains, hmm
 from comanip.models.gaussian import log_density
 from comanip.models.hmm import fit_hmm
 from comanip.models.learning import weighted_gaussians
+from toys import CHANNELS, lifts, random_hmm
 
 hmmlearn_hmm = pytest.importorskip("hmmlearn.hmm")
 
@@ -169,7 +169,7 @@ def test_wrong_arguments_are_value_errors(change, message):
         GaussianHMM(**change).fit(x).predict(x)
     with pytest.raises(ValueError, match="sum to 30 samples"):
         GaussianHMM(1).fit(x).score(x, [10, 10])
+    broken = GaussianHMM(2, init_params="mc")
+    broken.startprob_, broken.transmat_ = [1.0, 1.0], np.eye(2)
     with pytest.raises(ValueError, match="must sum to 1"):
-        broken = GaussianHMM(2, init_params="mc")
-        broken.startprob_, broken.transmat_ = [1.0, 1.0], np.eye(2)
         broken.fit(x)

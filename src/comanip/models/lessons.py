@@ -6,6 +6,7 @@ or of world frame changes nothing but the last digits, and one relative floor se
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -28,7 +29,10 @@ class Notes(list[str]):
 
     def say(self, text: str) -> None:
         self.append(text)
-        warnings.warn(text, ComanipWarning, stacklevel=4)
+        level, frame = 2, sys._getframe(1)
+        while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("comanip."):
+            level, frame = level + 1, frame.f_back  # so that the warning shows the caller's line, not ours
+        warnings.warn(text, ComanipWarning, stacklevel=level - 1)
 
 
 @dataclass(frozen=True, eq=False)
