@@ -10,6 +10,7 @@ import comanip
 from comanip import Hmm, fit_gmm, fit_hmm, select_states
 from comanip.errors import ChannelError, ParameterError
 from comanip.models import gmm, hmm
+from comanip.models.baum_welch import most_likely_rows
 from comanip.models.gmr import Regression, regress
 from comanip.models.learning import k_means
 from toys import CHANNELS, lifts, random_gmm, random_hmm
@@ -103,7 +104,7 @@ def test_a_transition_floor_holds_where_transitions_are_allowed():
     allowed = np.eye(4, dtype=bool) | np.roll(np.eye(4, dtype=bool), 1, axis=1)
     assert fit.model.transition[allowed].min() >= 0.01 - 1e-12
     assert (fit.model.transition[~allowed] == 0.0).all()
-    rows = hmm.most_likely_rows(np.array([[97.0, 2.0, 1.0]] * 3), np.full((3, 3), 1 / 3), 0.05)
+    rows = most_likely_rows(np.array([[97.0, 2.0, 1.0]] * 3), np.full((3, 3), 1 / 3), 0.05)
     np.testing.assert_allclose(rows[0], [0.9, 0.05, 0.05])
 
 

@@ -32,7 +32,7 @@ class Notes(list[str]):
         level, frame = 2, sys._getframe(1)
         while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("comanip."):
             level, frame = level + 1, frame.f_back  # so that the warning shows the caller's line, not ours
-        warnings.warn(text, ComanipWarning, stacklevel=level - 1)
+        warnings.warn(text, ComanipWarning, stacklevel=level)
 
 
 @dataclass(frozen=True, eq=False)
