@@ -75,6 +75,15 @@ def test_a_tick_of_nonsense_leaves_no_trace():
         assert np.abs(after[30:] - clean[131:]).max() < 1e-3, nonsense
 
 
+def test_one_tick_favours_no_state_by_more_than_the_gate():
+    for xi in ([0.1, 1e4, 0.1], [-50.0, 0.0, 0.0]):
+        forward = ForwardFilter(MODEL, gate=20.0, transition_floor=1e-6)
+        before = forward.step(lifts(1)[0][0]).copy() @ ((1.0 - 1e-6) * MODEL.transition + 1e-6 / 5)
+        after = forward.step(np.array(xi))
+        odds = np.log(after / before)
+        assert np.ptp(odds) == pytest.approx(20.0)
+
+
 values = st.floats(allow_nan=True, allow_infinity=True, width=64)
 
 

@@ -66,6 +66,15 @@ def test_permuting_the_states_changes_nothing():
         np.testing.assert_allclose(first.covariance, second.covariance, rtol=1e-10)
 
 
+@pytest.mark.parametrize("correlation", [0.9, 0.9999, 0.99999999])
+def test_inputs_that_almost_repeat_each_other_are_still_told_apart(correlation):
+    inputs = np.array([[1.0, correlation], [correlation, 1.0]])
+    slopes = np.array([2.0, -3.0])
+    covariance = np.block([[inputs, (inputs @ slopes)[:, None]], [slopes @ inputs, slopes @ inputs @ slopes + 0.1]])
+    model = Gmm([1.0], np.zeros((1, 3)), covariance[None], ("a", "b", "y"))
+    np.testing.assert_allclose(Regression(model, ("a", "b"), "y").gains[0, 0], slopes, rtol=1e-6)
+
+
 def test_the_conditional_agrees_with_samples_near_the_input():
     rng = np.random.default_rng(3)
     model = random_gmm(rng, 2, 2, spread=1.5)
