@@ -16,10 +16,10 @@ _PUBLIC = {
     "regress": "comanip.models.gmr",
     "ForwardFilter": "comanip.models.filtering",
     "select_states": "comanip.models.selection",
-    "GaussianHMM": "comanip.models.estimators",
-    "GaussianMixtureRegressor": "comanip.models.mixture_estimators",
-    "GMM": "comanip.models.mixture_estimators",
-    "MVN": "comanip.models.mixture_estimators",
+    "GaussianHMM": "comanip.models.estimators.gaussian_hmm",
+    "GaussianMixtureRegressor": "comanip.models.estimators.regressor",
+    "GMM": "comanip.models.estimators.gmm",
+    "MVN": "comanip.models.estimators.mvn",
 }
 
 __all__ = ["__version__", *_PUBLIC]

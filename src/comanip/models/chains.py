@@ -65,31 +65,49 @@ def forward_backward(log_b: Array, lengths: Array, log_initial: Array, log_trans
     n_sequences, length, n_states = log_b.shape
     rows = np.arange(n_sequences)[:, None]
     backwards = np.clip(lengths[:, None] - 1 - np.arange(length)[None, :], 0, None)  # frame seen at step t from the end
-    both = np.empty((length, 2, n_sequences, n_states))
-    both[:, 0] = log_b.transpose(1, 0, 2)
-    both[:, 1] = log_b[rows, backwards].transpose(1, 0, 2)
-    # [direction, 1, to, from]: the sum runs over the last axis
-    chain = np.stack([log_transition.T, log_transition])[:, None]
-    both[0, 0] += log_initial
-    terms = np.empty((2, n_sequences, n_states, n_states))
-    top = np.empty((2, n_sequences, n_states, 1))
-    total = np.empty((2, n_sequences, n_states))
-    before = both[0]
+    both = np.empty((length, n_sequences, 2 * n_states))  # α in the first K columns, β b backwards in the others
+    both[:, :, :n_states] = log_b.transpose(1, 0, 2)
+    both[:, :, n_states:] = log_b[rows, backwards].transpose(1, 0, 2)
+    both[0, :, :n_states] += log_initial
+    source, weight = _arrivals(log_transition)
+    terms = np.empty((n_sequences, *source.shape))
+    gathered = terms.reshape(n_sequences, -1)
+    top = np.empty((n_sequences, 1, 2 * n_states))
+    total = np.empty((n_sequences, 2 * n_states))
+    flat = source.reshape(-1)
     for t in range(1, length):
-        np.add(before[:, :, None, :], chain, out=terms)
-        np.maximum.reduce(terms, axis=3, keepdims=True, out=top)
+        np.take(both[t - 1], flat, axis=1, out=gathered, mode="clip")
+        terms += weight
+        np.maximum.reduce(terms, axis=1, keepdims=True, out=top)
         terms -= top
         np.exp(terms, out=terms)
-        np.add.reduce(terms, axis=3, out=total)
+        np.add.reduce(terms, axis=1, out=total)
         np.log(total, out=total)
-        total += top[..., 0]
-        before = both[t]
-        before += total
-    log_alpha = both[:, 0].transpose(1, 0, 2)
-    log_beta = both[backwards.T, 1, rows.T].transpose(1, 0, 2) - log_b
+        total += top[:, 0]
+        both[t] += total
+    log_alpha = both[:, :, :n_states].transpose(1, 0, 2)
+    log_beta = both[backwards.T, rows.T, n_states:].transpose(1, 0, 2) - log_b
     last = log_alpha[np.arange(n_sequences), lengths - 1]
     peak = last.max(axis=1)
     return log_alpha, log_beta, peak + np.log(np.exp(last - peak[:, None]).sum(axis=1))
+
+
+def _arrivals(log_transition: Array) -> tuple[np.ndarray, Array]:
+    """Where each state can be reached from: sources and log-weights (M, 2 K), forwards in the first K columns.
+
+    M is the most that any state has, 2 for a left-right chain of any length: forbidden transitions cost no time.
+    """
+    n_states = len(log_transition)
+    sides = [log_transition, log_transition.T]
+    m = max(1, max(int((side > IMPOSSIBLE).sum(axis=0).max()) for side in sides))
+    source = np.empty((m, 2 * n_states), dtype=np.intp)
+    weight = np.empty((m, 2 * n_states))
+    for k, side in enumerate(sides):
+        best = np.argsort(-side, axis=0, kind="stable")[:m]
+        columns = slice(k * n_states, (k + 1) * n_states)
+        source[:, columns] = best + k * n_states
+        weight[:, columns] = np.take_along_axis(side, best, axis=0)
+    return source, weight
 
 
 @np.errstate(under="ignore")
@@ -103,10 +121,11 @@ def expectations(log_b: Array, lengths: Array, log_initial: Array, log_transitio
     transitions = np.zeros_like(log_transition)
     ahead = log_b + log_beta - log_likelihood[:, None, None]
     here, there = log_alpha[:, :-1][mask[:, 1:]], ahead[:, 1:][mask[:, 1:]]
-    block = max(1, 2_000_000 // transitions.size)  # frames at a time: at most 16 MB of ξ_t(i, j)
+    i, j = np.nonzero(log_transition > IMPOSSIBLE)
+    block = max(1, 1_000_000 // len(i))  # frames at a time: at most some 20 MB of ξ_t(i, j)
     for start in range(0, len(here), block):
-        xi = here[start : start + block, :, None] + log_transition + there[start : start + block, None, :]
-        transitions += np.exp(np.minimum(xi, 0.0)).sum(axis=0)
+        xi = here[start : start + block, i] + log_transition[i, j] + there[start : start + block, j]
+        transitions[i, j] += np.exp(np.minimum(xi, 0.0)).sum(axis=0)
     starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     return Expectations(gamma, transitions, gamma[starts].sum(axis=0), log_likelihood)
 

@@ -59,8 +59,12 @@ class ForwardFilter:
         self._chain = np.ascontiguousarray((1.0 - transition_floor) * model.transition + transition_floor / k)
         self._marginals: dict[bytes, Whitening] = {}
         self._all = self._prepared(np.ones(d, dtype=bool))
+        # one product for the whole whitening: [L⁻¹, −L⁻¹(μ − origin)] @ [ξ − origin, 1]
+        self._affine = np.column_stack([self._all.factors, -self._all.centres])
+        self._centred = np.ones(d + 1)
+        self._offset = self._centred[:d]
         self._minus_half = np.full(d, -0.5)
-        self._centred, self._far = np.empty(d), np.empty(d)
+        self._nothing_is_zero = transition_floor > 0.0
         self._z, self._log_b, self._log_h = np.empty(k * d), np.empty(k), np.empty(k)
         self._z_by_state = self._z.reshape(k, d)
         self._weights, self._predicted = np.empty(k), np.empty(k)
@@ -99,7 +103,8 @@ class ForwardFilter:
             return self._weights
         best = float(np.maximum.reduce(log_b))
         h = np.maximum(log_b, best - self.gate, out=self._log_h)
-        np.maximum(predicted, 1e-300, out=predicted)  # log 0 would need transition_floor = 0
+        if not self._nothing_is_zero:
+            np.maximum(predicted, 1e-300, out=predicted)
         h += np.log(predicted, out=predicted)
         top = float(np.maximum.reduce(h))
         h -= top
@@ -117,13 +122,11 @@ class ForwardFilter:
 
     def _evidence(self, xi: Array) -> Array | None:
         """log N(ξ; μ_i, Σ_i) (K,) of what is present; None when nothing is."""
-        white, centred = self._all, self._centred
-        np.subtract(xi, white.origin, out=centred)
-        np.abs(centred, out=self._far)
-        if not np.maximum.reduce(self._far) < UNBELIEVABLE:  # NaN compares false, so one test finds both
+        white, offset = self._all, self._offset
+        np.subtract(xi, white.origin, out=offset)
+        if not math.hypot(*offset.tolist()) < UNBELIEVABLE:  # NaN compares false, so one test finds both
             return self._partial_evidence(np.asarray(xi, dtype=np.float64))
-        z = np.dot(white.factors, centred, out=self._z)
-        z -= white.centres
+        z = np.dot(self._affine, self._centred, out=self._z)
         np.multiply(z, z, out=z)
         log_b = np.dot(self._z_by_state, self._minus_half, out=self._log_b)
         log_b += white.log_peak

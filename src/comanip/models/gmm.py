@@ -84,11 +84,11 @@ def in_confidence_region(model: Gmm, x: Any, alpha: float) -> np.ndarray:
 
     Exact: D degrees of freedom. (The D − 1 of a well-known library holds less than it says.)
     """
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     frames = _frames(model, x)
     nearest = whitening(model.means, model.covariances).distances(frames).min(axis=1)
-    return nearest <= chi2(model.n_channels).ppf(alpha)
+    return nearest <= 2.0 * gammaincinv(model.n_channels / 2.0, alpha)  # the chi-squared quantile
 
 
 def fit_gmm(

@@ -14,16 +14,15 @@ import numpy as np
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from . import chains
-from .gaussian import channel_names, floored, gaussian_blocks, log_density, probabilities, whitening
+from .baum_welch import Chain, allowed_transitions, expect, from_labels, maximise
+from .gaussian import channel_names, floored, gaussian_blocks, log_density, probabilities
 from .learning import (
     UNVISITED,
     Fit,
     climb,
     first_guess,
-    gaussians_of_labels,
     say_converged,
     say_unvisited,
-    weighted_gaussians,
 )
 from .lessons import Lessons, prepare
 
@@ -176,18 +175,18 @@ def fit_hmm(
         allow_constant=allow_constant,
         outlier_ratio=outlier_ratio,
     )
-    allowed = _allowed(topology, n_states)
-    best: tuple[_Chain, Array, bool] | None = None
+    allowed = allowed_transitions(topology, n_states)
+    best: tuple[Chain, Array, bool] | None = None
     for attempt in range(restarts):
         if isinstance(initial_guess, Hmm):
             start = _from_model(lessons, initial_guess, n_states, allowed, covariance_floor)
         else:
             labels = first_guess(lessons, n_states, initial_guess, rng, jitter=attempt > 0)
-            start = _from_labels(lessons, labels, allowed, covariance_floor, topology)
+            start = from_labels(lessons, labels, allowed, covariance_floor, topology)
         found = climb(
             start,
-            lambda p: _expect(p, lessons),
-            lambda e, p: _maximise(e, p, lessons.z, covariance_floor, transition_floor),
+            lambda p: expect(p, lessons),
+            lambda e, p: maximise(e, p, lessons.z, covariance_floor, transition_floor),
             max_iterations=max_iterations,
             rise=tolerance * lessons.n_frames,
         )
@@ -197,70 +196,7 @@ def fit_hmm(
     return _finished(*best, lessons=lessons, topology=topology, allowed=allowed)
 
 
-class _Chain(NamedTuple):
-    """Parameters in standardised coordinates while they are being learned."""
-
-    initial: Array
-    transition: Array
-    means: Array
-    covariances: Array
-
-
-def _expect(p: _Chain, lessons: Lessons) -> tuple[float, chains.Expectations]:
-    log_b = chains.padded(whitening(p.means, p.covariances).log_density(lessons.z), lessons.lengths)
-    e = chains.expectations(log_b, lessons.lengths, chains.log_of(p.initial), chains.log_of(p.transition))
-    return float(e.log_likelihood.sum()), e
-
-
-def _maximise(e: chains.Expectations, p: _Chain, z: Array, covariance_floor: float, transition_floor: float) -> _Chain:
-    means, covariances = weighted_gaussians(z, e.weights, covariance_floor, (p.means, p.covariances))
-    return _Chain(
-        e.first / e.first.sum(),
-        most_likely_rows(e.transitions, p.transition, transition_floor),
-        means,
-        covariances,
-    )
-
-
-def most_likely_rows(counts: Array, before: Array, floor: float) -> Array:
-    """Rows that maximise Σ counts log a, with a ≥ floor where `before` allows a transition. A row never left stays."""
-    rows = before.copy()
-    for i in np.flatnonzero(counts.sum(axis=1) > 1e-10):
-        row = counts[i] / counts[i].sum()
-        low = np.zeros(len(row), dtype=bool)
-        allowed = before[i] > 0.0
-        while (raised := allowed & ~low & (row < floor)).any():  # raising one may push another below
-            low |= raised
-            rest = counts[i] * ~low
-            row = np.where(low, floor, rest / max(rest.sum(), 1e-300) * (1.0 - floor * low.sum()))
-        rows[i] = row / row.sum()
-    return rows
-
-
-def _allowed(topology: str, n_states: int) -> np.ndarray:
-    if topology == "free":
-        return np.ones((n_states, n_states), dtype=bool)
-    on = np.eye(n_states, k=1, dtype=bool)
-    if topology == "cyclic":
-        on[-1, 0] = True
-    return np.eye(n_states, dtype=bool) | on
-
-
-def _from_labels(lessons: Lessons, labels: np.ndarray, allowed: np.ndarray, floor: float, topology: str) -> _Chain:
-    n = len(allowed)
-    first = lessons.first_frames()
-    inside = np.setdiff1d(np.arange(1, len(labels)), first)
-    counts = np.zeros((n, n))
-    np.add.at(counts, (labels[inside - 1], labels[inside]), 1.0)
-    # EM cannot bring a zero back to life, so every allowed transition starts with something
-    counts = (counts + 0.5 + 0.05 * counts.sum(axis=1, keepdims=True) / n) * allowed
-    initial = np.bincount(labels[first], minlength=n) / len(first)
-    initial = np.eye(n)[0] if topology == "left-right" else 0.95 * initial + 0.05 / n
-    means, covariances = gaussians_of_labels(lessons.z, labels, n, floor)
-    return _Chain(initial, counts / counts.sum(axis=1, keepdims=True), means, covariances)
-
-
-def _from_model(lessons: Lessons, guess: Hmm, n_states: int, allowed: np.ndarray, floor: float) -> _Chain:
+def _from_model(lessons: Lessons, guess: Hmm, n_states: int, allowed: np.ndarray, floor: float) -> Chain:
     if guess.channels != lessons.channels or guess.n_states != n_states:
         raise ChannelError(
             f"the model given as initial_guess has {guess.n_states} states of {guess.channels}; "
@@ -270,12 +206,12 @@ def _from_model(lessons: Lessons, guess: Hmm, n_states: int, allowed: np.ndarray
     rows = guess.transition * allowed
     stuck = rows.sum(axis=1) <= 0.0
     rows[stuck] = allowed[stuck]
-    return _Chain(guess.initial.copy(), rows / rows.sum(axis=1, keepdims=True), means, floored(covariances, floor))
+    return Chain(guess.initial.copy(), rows / rows.sum(axis=1, keepdims=True), means, floored(covariances, floor))
 
 
-def _finished(p: _Chain, trace: Array, converged: bool, *, lessons: Lessons, topology: str, allowed: np.ndarray) -> Fit[Hmm]:
+def _finished(p: Chain, trace: Array, converged: bool, *, lessons: Lessons, topology: str, allowed: np.ndarray) -> Fit[Hmm]:
     """Back to the channels' units, states in order of time, unvisited ones removed and reported."""
-    _, e = _expect(p, lessons)
+    _, e = expect(p, lessons)
     occupancy = e.weights.sum(axis=0)
     unvisited = np.flatnonzero(occupancy < UNVISITED)
     say_unvisited(unvisited, len(occupancy), lessons.notes)
@@ -284,11 +220,11 @@ def _finished(p: _Chain, trace: Array, converged: bool, *, lessons: Lessons, top
     if topology != "left-right":
         order = np.argsort(lessons.normalised_time() @ e.weights / np.maximum(occupancy, 1e-300), kind="stable")
     order = order[~np.isin(order, unvisited)]
-    p = _Chain(p.initial[order], p.transition[np.ix_(order, order)], p.means[order], p.covariances[order])
+    p = Chain(p.initial[order], p.transition[np.ix_(order, order)], p.means[order], p.covariances[order])
     rows = p.transition + np.diag(p.transition.sum(axis=1) <= 0.0)
     p = p._replace(initial=p.initial / p.initial.sum(), transition=rows / rows.sum(axis=1, keepdims=True))
     if len(unvisited):
-        trace = np.append(trace[:-1], _expect(p, lessons)[0])
+        trace = np.append(trace[:-1], expect(p, lessons)[0])
     means, covariances = lessons.original(p.means, p.covariances)
     trace = trace - lessons.log_volume
     trace.setflags(write=False)

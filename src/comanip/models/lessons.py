@@ -6,6 +6,7 @@ or of world frame changes nothing but the last digits, and one relative floor se
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ import numpy as np
 
 from ..errors import ChannelError, ComanipWarning, ParameterError, TrainingError
 from ..interfaces import Array
+from ..recording import expand
 from .gaussian import channel_names
 
 COLLINEAR = 1e6  # condition number of the channels' correlation above which one channel repeats others
@@ -27,7 +29,10 @@ class Notes(list[str]):
 
     def say(self, text: str) -> None:
         self.append(text)
-        warnings.warn(text, ComanipWarning, stacklevel=4)
+        level, frame = 2, sys._getframe(1)
+        while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("comanip."):
+            level, frame = level + 1, frame.f_back  # so that the warning shows the caller's line, not ours
+        warnings.warn(text, ComanipWarning, stacklevel=level)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,9 +168,11 @@ def _spread(
     scale = np.sqrt(np.mean((x - offset) ** 2, axis=0))
     # the mean of equal numbers is off by rounding, so compare extremes instead of asking for scale == 0
     constant = np.ptp(x, axis=0) <= 8.0 * np.finfo(float).eps * np.abs(x).max(axis=0)
+    allowed = allow_constant if isinstance(allow_constant, Mapping) else {name: allow_constant for name in names}
+    by_name = {column: value for name, value in allowed.items() for column in expand(name, names)}
     for column in np.flatnonzero(constant):
         name = names[column]
-        stated = allow_constant.get(name) if isinstance(allow_constant, Mapping) else allow_constant
+        stated = by_name.get(name)
         if stated is None:
             raise TrainingError(
                 f"{name} is constant {x[0, column]:.3f} in all demonstrations ({n_demonstrations} of them): a dead "
@@ -195,13 +202,15 @@ def _look_for_repeats(arrays: list[Array], scale: Array, notes: Notes) -> None:
 
 
 def _look_for_collinearity(z: Array, names: tuple[str, ...], notes: Notes) -> None:
-    correlation = z.T @ z / len(z)
+    alive = np.flatnonzero(np.ptp(z, axis=0) > 0.0)  # a constant channel has its own note
+    if len(alive) < 2:
+        return
+    correlation = z[:, alive].T @ z[:, alive] / len(z)
     values = np.linalg.eigvalsh(correlation)
     condition = values[-1] / max(values[0], 1e-300)
-    if len(names) > 1 and condition > COLLINEAR:
-        size = np.sqrt(np.maximum(np.diag(correlation), 1e-300))
-        pairs = np.triu(np.abs(correlation) / np.outer(size, size), 1)
-        i, j = np.unravel_index(int(pairs.argmax()), pairs.shape)
+    if condition > COLLINEAR:
+        pairs = np.triu(np.abs(correlation), 1)
+        i, j = (int(alive[k]) for k in np.unravel_index(int(pairs.argmax()), pairs.shape))
         notes.say(
             f"channels repeat one another (condition number {condition:.1e} of their correlation, "
             f"closest {names[i]} and {names[j]}): the covariance floor decides what is learned between them"

@@ -7,8 +7,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..errors import ParameterError
-from ..interfaces import Array
+from ...errors import ParameterError
+from ...interfaces import Array
 
 
 class EstimatorError(ParameterError, ValueError):

@@ -17,115 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from ..interfaces import Array
-from .estimator_base import Estimator, EstimatorError, checked_features, checked_samples, not_fitted, random_state
-from .gaussian import log_density, log_sum_exp, marginal, normalised, regularised
-from .gmr import Conditional, conditional_lines
+from ...interfaces import Array
+from ..gaussian import log_sum_exp, marginal, normalised
+from ..gmr import conditional_lines
+from .base import EstimatorError, random_state
+from .mvn import MVN, add_ellipse, inputs_and_outputs, log_densities, squared_radius
 
-
-def _quantile(alpha: float, n_features: int) -> float:
-    """Squared radius that gmr compares Mahalanobis distances with."""
-    from scipy.stats import chi2
-
-    return float(chi2(max(n_features - 1, 1)).ppf(alpha))
-
-
-class MVN:
-    """One Gaussian: mean (D,), covariance (D, D), with gmr's methods."""
-
-    def __init__(self, mean: Any = None, covariance: Any = None, verbose: int = 0, random_state: Any = None) -> None:
-        self.mean = None if mean is None else np.asarray(mean, dtype=np.float64)
-        self.covariance = None if covariance is None else np.asarray(covariance, dtype=np.float64)
-        self.verbose = verbose
-        self.random_state = _random_state(random_state)
-
-    def from_samples(self, X: Any, bessels_correction: bool = True) -> MVN:
-        """Mean and covariance of X (N, D); with Bessel's correction the covariance is unbiased, not most likely."""
-        x = np.asarray(X, dtype=np.float64)
-        self.mean = x.mean(axis=0)
-        self.covariance = np.cov(x, rowvar=False, bias=not bessels_correction)
-        return self
-
-    def sample(self, n_samples: int) -> Array:
-        """Draws (n_samples, D)."""
-        mean, covariance = self._initialized()
-        return self.random_state.multivariate_normal(mean, covariance, size=(n_samples,))
-
-    def sample_confidence_region(self, n_samples: int, alpha: float) -> Array:
-        """Draws until n_samples are inside the region."""
-        return _accepted(n_samples, lambda: self.sample(1)[0], lambda x: self.is_in_confidence_region(x, alpha))
-
-    def is_in_confidence_region(self, x: Any, alpha: float) -> bool:
-        """gmr's region: D − 1 degrees of freedom for D > 1, see the module."""
-        return bool(self.squared_mahalanobis_distance(x) <= _quantile(alpha, len(x)))
-
-    def squared_mahalanobis_distance(self, x: Any) -> float:
-        mean, covariance = self._initialized()
-        apart = np.asarray(x, dtype=np.float64) - mean
-        return float(apart @ np.linalg.solve(np.atleast_2d(covariance), apart))
-
-    def to_probability_density(self, X: Any) -> Array:
-        """p(x) as (N,) for X (N, D)."""
-        return np.exp(_log_densities(*self._as_mixture(), X)[:, 0])
-
-    def to_norm_factor_and_exponents(self, X: Any) -> tuple[float, Array]:
-        """p(x) = factor · exp(exponents)."""
-        mean, covariance = self._as_mixture()
-        peak = float(_log_densities(mean, covariance, mean)[0, 0])
-        return float(np.exp(peak)), _log_densities(mean, covariance, X)[:, 0] - peak
-
-    def marginalize(self, indices: Any) -> MVN:
-        """The Gaussian of the features in `indices`."""
-        mean, covariance = marginal(*self._as_mixture(), np.asarray(indices, dtype=int))
-        return MVN(mean[0], covariance[0])
-
-    def condition(self, indices: Any, x: Any) -> MVN:
-        """p(others | features in `indices` are x)."""
-        lines = conditional_lines(*self._as_mixture(), *_split(indices, self._as_mixture()[0]))
-        mean = lines.gains[0] @ np.asarray(x, dtype=np.float64) + lines.offsets[0]
-        return MVN(mean, lines.covariances[0], random_state=self.random_state)
-
-    def predict(self, indices: Any, X: Any) -> Conditional:
-        """Means (N, D_out) of the other features given X (N, D_in), and their covariance (D_out, D_out)."""
-        lines = conditional_lines(*self._as_mixture(), *_split(indices, self._as_mixture()[0]))
-        return Conditional(np.asarray(X) @ lines.gains[0].T + lines.offsets[0], lines.covariances[0])
-
-    def to_ellipse(self, factor: float = 1.0) -> tuple[float, float, float]:
-        """Angle, and the semi axes at `factor` standard deviations, of a 2-D Gaussian."""
-        _, covariance = self._initialized()
-        values, vectors = np.linalg.eigh(covariance)
-        width, height = factor * np.sqrt(np.maximum(values[::-1], 0.0))
-        return float(np.arctan2(vectors[1, -1], vectors[0, -1])), float(width), float(height)
-
-    def sigma_points(self, alpha: float = 1e-3, kappa: float = 0.0) -> Array:
-        """(2 D + 1, D) points of the unscented transform."""
-        mean, covariance = self._initialized()
-        values, vectors = np.linalg.eigh(alpha**2 * (len(mean) + kappa) * covariance)
-        root = (vectors * np.sqrt(np.maximum(values, np.finfo(float).eps))) @ vectors.T
-        return np.concatenate([mean[None], mean + root, mean - root])
-
-    def estimate_from_sigma_points(
-        self, points: Any, alpha: float = 1e-3, beta: float = 2.0, kappa: float = 0.0, random_state: Any = None
-    ) -> MVN:
-        """The Gaussian after a transform of `sigma_points`; alpha and kappa as there."""
-        n = len(self._initialized()[0])
-        points = np.asarray(points, dtype=np.float64)
-        spread = alpha**2 * (n + kappa)
-        weights = np.full(len(points), 0.5 / spread)
-        weights[0] = 1.0 - n / spread
-        mean = weights @ points
-        weights[0] += 1.0 - alpha**2 + beta
-        covariance = (points - mean).T @ ((points - mean) * weights[:, None])
-        return MVN(mean, covariance, random_state=self.random_state if random_state is None else random_state)
-
-    def _initialized(self) -> tuple[Array, Array]:
-        if self.mean is None or self.covariance is None:
-            raise EstimatorError("mean and covariance have not been set; pass both, or call from_samples")
-        return self.mean, self.covariance
-
-    def _as_mixture(self) -> tuple[Array, Array]:
-        mean, covariance = self._initialized()
-        return mean[None], np.reshape(covariance, (1, len(mean), len(mean)))
+_random_state = random_state  # arguments of that name are part of the interface
 
 
 class GMM:
@@ -206,12 +104,12 @@ class GMM:
     def to_responsibilities(self, X: Any) -> Array:
         """p(k | x) as (N, K)."""
         priors, means, covariances = self._initialized()
-        return normalised(_log_densities(means, covariances, X) + _log(priors))
+        return normalised(log_densities(means, covariances, X) + _log(priors))
 
     def to_probability_density(self, X: Any) -> Array:
         """p(x) as (N,)."""
         priors, means, covariances = self._initialized()
-        return np.exp(log_sum_exp(_log_densities(means, covariances, X) + _log(priors)))
+        return np.exp(log_sum_exp(log_densities(means, covariances, X) + _log(priors)))
 
     def to_mahalanobis_distance(self, X: Any) -> Array:
         """Distance (N, K) of each sample to each component, in standard deviations."""
@@ -222,10 +120,10 @@ class GMM:
     def condition(self, indices: Any, x: Any) -> GMM:
         """p(others | features in `indices` are x), again a mixture."""
         priors, means, covariances = self._initialized()
-        inputs, outputs = _split(indices, means)
+        inputs, outputs = inputs_and_outputs(indices, means)
         lines = conditional_lines(means, covariances, inputs, outputs)
         given = np.asarray(x, dtype=np.float64).reshape(1, -1)
-        weights = normalised(_log_densities(*marginal(means, covariances, inputs), given) + _log(priors))[0]
+        weights = normalised(log_densities(*marginal(means, covariances, inputs), given) + _log(priors))[0]
         return GMM(
             self.n_components, weights, lines.gains @ given[0] + lines.offsets, lines.covariances,
             random_state=self.random_state,
@@ -234,10 +132,10 @@ class GMM:
     def predict(self, indices: Any, X: Any) -> Array:
         """Means (N, D_out) of the other features given X (N, D_in)."""
         priors, means, covariances = self._initialized()
-        inputs, outputs = _split(indices, means)
+        inputs, outputs = inputs_and_outputs(indices, means)
         lines = conditional_lines(means, covariances, inputs, outputs)
         x = np.asarray(X, dtype=np.float64)
-        weights = normalised(_log_densities(*marginal(means, covariances, inputs), x) + _log(priors))
+        weights = normalised(log_densities(*marginal(means, covariances, inputs), x) + _log(priors))
         return np.einsum("nk,nko->no", weights, np.einsum("koi,ni->nko", lines.gains, x) + lines.offsets)
 
     def marginalize(self, indices: Any) -> GMM:
@@ -258,7 +156,7 @@ class GMM:
         """Is x in gmr's region of the closest component?"""
         self._initialized()
         nearest = min(self.extract_mvn(k).squared_mahalanobis_distance(x) for k in range(self.n_components))
-        return bool(nearest <= _quantile(alpha, len(x)))
+        return bool(nearest <= squared_radius(alpha, len(x)))
 
     def to_ellipses(self, factor: float = 1.0) -> list[tuple[Array, tuple[float, float, float]]]:
         """Mean and ellipse of every component, see `MVN.to_ellipse`."""
@@ -292,55 +190,6 @@ class GMM:
         return self.priors, self.means, self.covariances
 
 
-class GaussianMixtureRegressor(Estimator):
-    """scikit-learn's regressor over `GMM`: fit(X, y), predict(X); afterwards gmm_."""
-
-    def __init__(
-        self,
-        n_components: int = 1,
-        priors: Any = None,
-        means: Any = None,
-        covariances: Any = None,
-        verbose: int = 0,
-        random_state: Any = None,
-        R_diff: float = 1e-4,
-        n_iter: int = 500,
-        init_params: str = "random",
-    ) -> None:
-        self.n_components = n_components
-        self.priors = priors
-        self.means = means
-        self.covariances = covariances
-        self.verbose = verbose
-        self.random_state = random_state
-        self.R_diff = R_diff
-        self.n_iter = n_iter
-        self.init_params = init_params
-
-    def fit(self, X: Any, y: Any) -> GaussianMixtureRegressor:
-        x = checked_samples(X, self)
-        if y is None:
-            raise EstimatorError("requires y to be passed, but the target y is None")
-        self._one_output = np.ndim(y) == 1
-        target = checked_samples(np.asarray(y).reshape(len(y), -1) if np.ndim(y) else y, self)
-        if len(target) != len(x):
-            raise EstimatorError(f"X and y need as many samples; got {len(x)} and {len(target)}")
-        self.gmm_ = GMM(
-            self.n_components, self.priors, self.means, self.covariances, self.verbose, self.random_state
-        ).from_samples(np.hstack([x, target]), self.R_diff, self.n_iter, self.init_params)
-        self.indices_ = np.arange(x.shape[1])
-        self.n_features_in_ = x.shape[1]
-        return self
-
-    def predict(self, X: Any) -> Array:
-        """(N, D_out) as y was given: a 1-D y comes back 1-D."""
-        if not hasattr(self, "gmm_"):
-            raise not_fitted(self)
-        x = checked_features(checked_samples(X, self), self, self.n_features_in_)
-        found = self.gmm_.predict(self.indices_, x)
-        return found[:, 0] if self._one_output else found
-
-
 def kmeansplusplus_initialization(X: Any, n_components: int, random_state: Any = None) -> Array:
     """K samples (K, D) spread over X: each drawn in proportion to its squared distance to those drawn before."""
     x = np.asarray(X, dtype=np.float64)
@@ -369,14 +218,6 @@ def covariance_initialization(X: Any, n_components: int) -> Array:
     return np.tile(np.diag((average / n_components) ** 2), (n_components, 1, 1))
 
 
-def plot_error_ellipse(
-    ax: Any, mvn: MVN, color: Any = None, alpha: float = 0.25, factors: Iterable[float] = np.linspace(0.25, 2.0, 8)
-) -> None:
-    """Draws ellipses of a 2-D Gaussian at `factors` standard deviations."""
-    for factor in factors:
-        _add_ellipse(ax, mvn.mean, mvn.to_ellipse(factor), color, alpha)
-
-
 def plot_error_ellipses(
     ax: Any, gmm: GMM, colors: Any = None, alpha: float = 0.25, factors: Iterable[float] = np.linspace(0.25, 2.0, 8)
 ) -> None:
@@ -384,39 +225,8 @@ def plot_error_ellipses(
     palette = list(colors) if colors is not None else [None]
     for factor in factors:
         for k, (mean, ellipse) in enumerate(gmm.to_ellipses(factor)):
-            _add_ellipse(ax, mean, ellipse, palette[k % len(palette)], alpha)
-
-
-def _add_ellipse(ax: Any, mean: Any, ellipse: tuple[float, float, float], color: Any, alpha: float) -> None:
-    from matplotlib.patches import Ellipse
-
-    angle, width, height = ellipse
-    patch = Ellipse(xy=mean, width=2.0 * width, height=2.0 * height, angle=float(np.degrees(angle)), alpha=alpha)
-    if color is not None:
-        patch.set_color(color)
-    ax.add_artist(patch)
-
-
-_random_state = random_state  # arguments of that name are part of the interface
-
-
-def _split(indices: Any, means: Array) -> tuple[np.ndarray, np.ndarray]:
-    inputs = np.asarray(indices, dtype=int)
-    return inputs, np.setdiff1d(np.arange(means.shape[1]), inputs)
+            add_ellipse(ax, mean, ellipse, palette[k % len(palette)], alpha)
 
 
 def _log(priors: Array) -> Array:
     return np.log(np.maximum(priors, 1e-300))
-
-
-def _log_densities(means: Array, covariances: Array, X: Any) -> Array:
-    return log_density(np.atleast_2d(np.asarray(X, dtype=np.float64)), means, regularised(covariances, means))
-
-
-def _accepted(n_samples: int, draw: Callable[[], Array], inside: Callable[[Array], bool]) -> Array:
-    found: list[Array] = []
-    while len(found) < n_samples:
-        x = draw()
-        if inside(x):
-            found.append(x)
-    return np.array(found)

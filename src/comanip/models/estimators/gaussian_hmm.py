@@ -11,49 +11,20 @@ visits keeps its parameters (there: NaN); a data offset of 1e6 changes nothing.
 from __future__ import annotations
 
 import logging
-import sys
-from collections import deque
 from typing import Any
 
 import numpy as np
 
-from ..interfaces import Array
-from . import chains
-from .estimator_base import Estimator, EstimatorError, checked_features, checked_samples, not_fitted, random_state
-from .gaussian import log_density, regularised
-from .learning import k_means
+from ...interfaces import Array
+from .. import chains
+from ..gaussian import log_density, regularised
+from ..learning import k_means
+from .base import Estimator, EstimatorError, checked_features, checked_samples, not_fitted, random_state
+from .covariance_types import COVARIANCE_TYPES, checked_covariances, compressed, expanded
+from .monitor import ConvergenceMonitor
 
 _log = logging.getLogger(__name__)
-COVARIANCE_TYPES = ("spherical", "diag", "full", "tied")
 K_MEANS_STARTS = 10
-
-
-class ConvergenceMonitor:
-    """Watches the likelihood during `fit`: `history` of log-likelihoods, `iter` count, `converged`."""
-
-    def __init__(self, tol: float, n_iter: int, verbose: bool) -> None:
-        self.tol, self.n_iter, self.verbose = tol, n_iter, verbose
-        self.history: deque[float] = deque()
-        self.iter = 0
-
-    def _reset(self) -> None:
-        self.iter = 0
-        self.history.clear()
-
-    def report(self, log_prob: float) -> None:
-        gain = log_prob - self.history[-1] if self.history else np.nan
-        if self.verbose:
-            print(f"{self.iter + 1:>10d} {log_prob:>16.8f} {gain:>+16.8f}", file=sys.stderr)
-        if gain < -1e-8 * max(abs(log_prob), 1.0):
-            _log.warning("The likelihood fell by %g to %g: a prior outweighs the data.", -gain, log_prob)
-        self.history.append(float(log_prob))
-        self.iter += 1
-
-    @property
-    def converged(self) -> bool:
-        """True also when the iterations ran out: hmmlearn's meaning. `fit_hmm` tells the two apart."""
-        few = len(self.history) < 2
-        return self.iter == self.n_iter or (not few and self.history[-1] - self.history[-2] < self.tol)
 
 
 class GaussianHMM(Estimator):
@@ -378,44 +349,3 @@ def _with_prior(counts: Array, prior: Any, before: Array) -> Array:
     rows = np.where(before == 0.0, 0.0, np.maximum(np.asarray(prior) - 1.0 + counts, 0.0))
     total = rows.sum(axis=-1, keepdims=True)
     return np.where(total > 0.0, rows / np.where(total > 0.0, total, 1.0), before)
-
-
-def expanded(covars: Array, covariance_type: str, n: int, d: int) -> Array:
-    """Full matrices (n, d, d) from the compressed form of a type."""
-    if covariance_type == "full":
-        return covars
-    if covariance_type == "tied":
-        return np.tile(covars, (n, 1, 1))
-    if covariance_type == "spherical":
-        return np.reshape(covars, (n, -1)).mean(axis=1)[:, None, None] * np.eye(d)
-    return covars[:, :, None] * np.eye(d)
-
-
-def compressed(full: Array, shares: Array, covariance_type: str) -> Array:
-    """The form in which a type is stored, from full matrices (n, d, d); `shares` (n,) weigh the states for "tied"."""
-    variances = np.einsum("kii->ki", full).copy()
-    if covariance_type == "tied":
-        return np.einsum("k,kij->ij", shares, full)
-    return {"full": full, "diag": variances, "spherical": variances.mean(axis=1)}[covariance_type]
-
-
-def checked_covariances(covars: Any, covariance_type: str, n: int) -> Array:
-    """A copy of `covars` in the shape of its type, positive definite; else EstimatorError."""
-    c = np.array(covars, dtype=np.float64)
-    if covariance_type == "spherical":
-        fits, positive = c.ndim >= 1 and len(c) == n, c.size > 0 and bool((c > 0.0).all())
-    elif covariance_type == "diag":
-        fits, positive = c.ndim == 2 and len(c) == n, bool((c > 0.0).all())
-    elif covariance_type in ("tied", "full"):
-        fits = c.ndim == (2 if covariance_type == "tied" else 3) and c.shape[-1] == c.shape[-2]
-        fits = fits and (covariance_type == "tied" or len(c) == n)
-        symmetric = fits and np.allclose(c, np.swapaxes(c, -1, -2))
-        positive = bool(symmetric and (np.linalg.eigvalsh(c) > 0.0).all())
-    else:
-        raise EstimatorError(f"covariance_type must be one of {COVARIANCE_TYPES}; got {covariance_type!r}")
-    if not (fits and positive):
-        raise EstimatorError(
-            f"covars_ of type {covariance_type!r} must be positive definite in their own shape for {n} states; "
-            f"got shape {c.shape}"
-        )
-    return c

@@ -1,0 +1,54 @@
+"""Flags that several commands share, as values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+_Columns = Annotated[str | None, Parameter()]
+
+
+@dataclass(frozen=True)
+class DataFlags:
+    """How files are read and prepared."""
+
+    position: Annotated[str | None, Parameter(help="Column(s) of the hand's position, e.g. z or x,y,z; see docs/data.md.")] = None
+    velocity: Annotated[str | None, Parameter(help="Column(s) of its velocity; derived from position when not given.")] = None
+    force: Annotated[str | None, Parameter(help="Column(s) of the interaction force F: partner on hand, up positive.")] = None
+    sensor_force: Annotated[str | None, Parameter(help="Column(s) of the raw F_s (object on hand); eq. (3) is applied.")] = None
+    time: Annotated[
+        str | None, Parameter(help="Column of time stamps; found by itself when called t or time; 'none' ignores it.")
+    ] = None
+    rate_hz: Annotated[float | None, Parameter(help="Rate of frames without stamps; with stamps, the rate to resample to.")] = (
+        None
+    )
+    role: Annotated[str | None, Parameter(help="What the robot did in these recordings: leader or follower.")] = None
+    axes: Annotated[str | None, Parameter(help="Names of the axes, e.g. z or x,y,z.")] = None
+    extra: Annotated[list[str] | None, Parameter(help="Another channel: name=column,column; may be repeated.")] = None
+    position_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not m: mm, cm, deg ...")] = None
+    velocity_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not m/s.")] = None
+    force_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not N: gf, kgf, mN ...")] = None
+    time_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not s: ms, us, ns.")] = None
+    load_mass_kg: Annotated[float | None, Parameter(help="Mass of the object, for eq. (3) on --sensor-force.")] = None
+    load_share: Annotated[float, Parameter(help="Share of it that this hand carries.")] = 0.5
+    cutoff_hz: Annotated[float, Parameter(help="Zero-phase low-pass for derivatives and eq. (3).")] = 10.0
+    trim_rest_s: Annotated[float | None, Parameter(help="Keep at most this much rest at start and end.")] = None
+    drop_bad: Annotated[bool, Parameter(negative="", help="Drop frames that are not finite instead of refusing the file.")] = (
+        False
+    )
+    split_gaps: Annotated[bool, Parameter(negative="", help="Cut a recording at gaps instead of refusing it.")] = False
+    recover: Annotated[bool, Parameter(negative="", help="Read what a damaged .mcap still holds.")] = False
+
+
+@dataclass(frozen=True)
+class LearnFlags:
+    """How a skill is learned."""
+
+    states: Annotated[str, Parameter(help="Number of states K; 'auto' chooses by cross-validation; default 10 (paper: 5).")] = ""
+    law: Annotated[Literal["default", "paper"], Parameter(help="The law that will run the skill.")] = "default"
+    topology: Annotated[Literal["left-right", "cyclic", "free"], Parameter(help="Which transitions exist.")] = "left-right"
+    restarts: Annotated[int, Parameter(help="Attempts from different first guesses; the most likely model wins.")] = 1
+    seed: Annotated[int, Parameter(help="Of the random first guesses.")] = 0
+    no_force: Annotated[bool, Parameter(negative="", help="Position and velocity only.")] = False

@@ -1,0 +1,47 @@
+"""Small models and demonstrations for tests: everything from a seed, nothing from a file."""
+
+import numpy as np
+
+from comanip.models.gmm import Gmm
+from comanip.models.hmm import Hmm
+
+CHANNELS = ("position.z", "force.z", "velocity.z")
+
+
+def random_covariances(rng, n_states, n_channels, size=1.0):
+    root = rng.normal(size=(n_states, n_channels, n_channels)) * size
+    return root @ np.swapaxes(root, 1, 2) + 0.1 * size**2 * np.eye(n_channels)
+
+
+def random_hmm(rng, n_states=3, n_channels=2, spread=2.0):
+    return Hmm(
+        rng.dirichlet(np.ones(n_states)),
+        rng.dirichlet(np.ones(n_states), size=n_states),
+        spread * rng.normal(size=(n_states, n_channels)),
+        random_covariances(rng, n_states, n_channels),
+        tuple(f"c{i}" for i in range(n_channels)),
+    )
+
+
+def random_gmm(rng, n_states=3, n_channels=3, spread=2.0):
+    return Gmm(
+        rng.dirichlet(np.full(n_states, 5.0)),
+        spread * rng.normal(size=(n_states, n_channels)),
+        random_covariances(rng, n_states, n_channels),
+        tuple(f"c{i}" for i in range(n_channels)),
+    )
+
+
+def lift(rng, n_frames=200, rate_hz=100.0):
+    """One demonstration of a lift with a short rest at both ends: position [m], force [N], velocity [m/s], (T, 3)."""
+    n = int(n_frames * rng.uniform(0.9, 1.1))
+    s = np.clip(np.linspace(-0.1, 1.1, n), 0.0, 1.0)
+    height = 0.3 + 0.02 * rng.normal()
+    x = height * (10 * s**3 - 15 * s**4 + 6 * s**5) + 0.01 * rng.normal() + 2e-4 * np.cumsum(rng.normal(size=n))
+    force = 6.0 * np.sin(np.pi * s) * (1.0 + 0.1 * rng.normal()) + 0.3 * rng.normal(size=n)
+    return np.column_stack([x, force, np.gradient(x, 1.0 / rate_hz)])
+
+
+def lifts(n_demonstrations=5, seed=0, n_frames=200):
+    rng = np.random.default_rng(seed)
+    return [lift(rng, n_frames) for _ in range(n_demonstrations)]
