@@ -200,7 +200,7 @@ def figures(
     json: Json = False,
 ) -> None:
     """Redraw Figures 2 to 7 of the paper and test their claims as numbers, with pass or fail."""
-    from .commands import reports as command
+    from .commands import figures as command
 
     command.figures(numbers, out, seed, json)
 
@@ -208,7 +208,7 @@ def figures(
 @app.command
 def demo(*, out: Out = Path("out"), seed: int = 0, plant: Plant = "beam", json: Json = False) -> None:
     """Teach both roles, learn them, collaborate with partners never met, and write one HTML report about it."""
-    from .commands import reports as command
+    from .commands import demo as command
 
     command.demo(out, seed, plant, json)
 
