@@ -60,6 +60,11 @@ class LearnedSkill:
         for name in ("settings", "units", "provenance"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        names = tuple(self.__dataclass_fields__)  # read-only mappings do not pickle
+        values = (getattr(self, n) for n in names)
+        return LearnedSkill, tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in values)
+
     @property
     def has_force(self) -> bool:
         return any(c.startswith("force.") for c in self.model.channels)

@@ -53,8 +53,8 @@ def teach(
     *,
     rng: np.random.Generator,
     habits: Habits = Habits(),
-    beam: Beam = Beam(),  # noqa: B008
-    sensor: WristSensor = WristSensor(),  # noqa: B008
+    beam: Beam = Beam(),
+    sensor: WristSensor = WristSensor(),
     coupling: Coupling = Coupling(),
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Recording]:

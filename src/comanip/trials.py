@@ -6,6 +6,7 @@ collaboration is measured this way: in closed loop, with a living partner.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from math import exp, log, sqrt
 from typing import Any, NamedTuple
@@ -17,10 +18,13 @@ from .evaluation.metrics import effort, log_dimensionless_jerk, work
 from .filters import smooth
 from .interaction import TaringInteractionForce, gravity_along
 from .interfaces import STANDARD_GRAVITY, Array, Partner, Skill
-from .loop import run
+from .learned import LearnedSkill
+from .loop import Clock, run
 from .plants.beam import Beam, BeamPlant, WristSensor
 from .plants.partners import Arm, HumanFollower, HumanLeader, Plan, Unsteadiness, Yielding
 from .recording import Recording
+from .reproduction import make_skill
+from .skills.baselines import MassDamper
 
 HAND_KG = 1.0  # effective mass of a hand in a lift, for the damping ratio
 FORCE_CUTOFF_HZ = 15.0  # on line; see CausalInteractionForce
@@ -88,7 +92,13 @@ def partner_of(case: Case, rng: np.random.Generator) -> Partner:
 
 
 def run_case(
-    case: Case, skill: Skill, *, dt: float = 0.01, start_m: float = 0.85, metadata: dict[str, Any] | None = None
+    case: Case,
+    skill: Skill,
+    *,
+    dt: float = 0.01,
+    start_m: float = 0.85,
+    clock: Clock | None = None,
+    metadata: dict[str, Any] | None = None,
 ) -> Recording:
     """The skill with this partner on the beam, from rest until 2.5 s after the partner means to stop (8 s as leader)."""
     rng = np.random.default_rng(case.seed)
@@ -107,7 +117,8 @@ def run_case(
         skill,
         duration_s=duration,
         estimator=estimator,
-        metadata={"role": case.role, "partner": asdict(case), "payload_kg": case.beam_mass_kg, **(metadata or {})},
+        clock=clock,
+        metadata={"role": case.role, "partner": asdict(case), "load_mass_kg": case.beam_mass_kg, **(metadata or {})},
     )
 
 
@@ -198,3 +209,43 @@ def success_interval(successes: int, trials: int, z: float = 1.96) -> tuple[floa
     centre = (p + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * sqrt(p * (1 - p) / n + z * z / (4 * n * n))
     return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def run_cases(
+    cases: Sequence[Case],
+    learned: LearnedSkill,
+    law: str,
+    *,
+    workers: int = 1,
+    dt: float = 0.01,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Verdict]:
+    """One verdict a case, in order, by any number of processes (0: one a core): the same numbers for the same cases.
+
+    law   "default", "paper", or the baseline "mass-damper", which learned nothing
+    """
+    from joblib import Parallel, cpu_count, delayed
+
+    n_jobs = cpu_count() if workers == 0 else workers
+    if n_jobs == 1:
+        results: Any = (_one_verdict(case, learned, law, dt) for case in cases)
+    else:
+        jobs = (delayed(_one_verdict)(case, learned, law, dt) for case in cases)
+        results = Parallel(n_jobs=n_jobs, return_as="generator")(jobs)
+    verdicts = []
+    for verdict in results:
+        verdicts.append(verdict)
+        if progress is not None:
+            progress(len(verdicts), len(cases))
+    return verdicts
+
+
+def _one_verdict(case: Case, learned: LearnedSkill, law: str, dt: float) -> Verdict:
+    axes = learned.axes
+    skill: Skill
+    if law == "mass-damper":
+        skill = MassDamper(n_axes=len(axes), dt=dt)
+    else:
+        skill = make_skill(learned, axes=axes, dt=dt, law=law, role=case.role)
+    with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
+        return judge(case, run_case(case, skill, dt=dt), taught_ends_m=learned.ends)

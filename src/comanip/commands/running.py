@@ -1,0 +1,181 @@
+"""teach, reproduce, trial: everything that runs the loop."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import skill_file
+from ..cli_flags import DataFlags
+from ..demonstration import demonstrations
+from ..errors import ParameterError
+from ..formats import write
+from ..learned import LearnedSkill
+from ..learned import learn as learn_skill
+from ..loop import SimulatedClock, WallClock, run
+from ..plants.replay import ReplayPlant
+from ..recording import Recording
+from ..reproduction import make_skill
+from ..teaching import teach as record_lessons
+from ..trials import Verdict, draw_case, judge, run_case, run_cases, success_interval
+from .console import print_json, progress, table
+from .reading import read_lessons
+
+LESSON_RATE_HZ = 100.0
+
+
+def teach(role: str, lessons: int, seed: int, plant: str, out: Path, json: bool) -> None:
+    with progress(f"lessons as {role}") as report:
+        recordings = record_lessons(role, lessons, rng=np.random.default_rng(seed), progress=report)
+    files = [out / f"{role}_{n + 1}.mcap" for n in range(len(recordings))]
+    out.mkdir(parents=True, exist_ok=True)
+    for recording, file in zip(recordings, files, strict=True):
+        write(recording.with_metadata(seed=seed, plant=plant), file)
+    if json:
+        print_json({"role": role, "files": [str(f) for f in files]})
+        return
+    rows = [
+        (f.name, f"{r.duration_s:.1f}", f"{r.metadata['lift_m']:.2f}", f"{np.abs(r['hand.true_force'].values).max():.1f}")
+        for f, r in zip(files, recordings, strict=True)
+    ]
+    table(f"Lessons as {role} in {out}", ("file", "s", "lift m", "peak F N"), rows)
+
+
+def taught(role: str, seed: int, lessons: int = 5) -> LearnedSkill:
+    """A skill from fresh simulated lessons: what `trial` and `demo` use when no file is given."""
+    recordings = record_lessons(role, lessons, rng=np.random.default_rng(seed))
+    return learn_skill(demonstrations(recordings, rate_hz=LESSON_RATE_HZ), role=role)
+
+
+def reproduce(
+    path: Path,
+    seed: int,
+    role: str | None,
+    law: str | None,
+    plant: str,
+    dt: float,
+    force_from: Path | None,
+    realtime: bool,
+    out: Path | None,
+    plot: Path | None,
+    data: DataFlags,
+    json: bool,
+) -> None:
+    learned = skill_file.load(path)
+    clock = WallClock() if realtime else SimulatedClock()
+    if force_from is not None:
+        recording, result = _replayed(learned, force_from, law, role, data, clock)
+    else:
+        acting = role or learned.role
+        if learned.axes != ("z",):
+            raise ParameterError(
+                f"{path}: simulated partners lift along z; this skill moves {', '.join(learned.axes)}: use --force-from FILE"
+            )
+        if not acting:
+            raise ParameterError(f"{path}: the skill states no role; pass --role leader or --role follower")
+        case = draw_case(acting, np.random.default_rng(seed))
+        skill = make_skill(learned, axes=learned.axes, dt=dt, law=law, role=acting)
+        start = float(np.mean(learned.workspace @ [0.75, 0.25]))  # where the lessons started: W is their range, half wider
+        recording = run_case(case, skill, dt=dt, start_m=start, clock=clock, metadata={"seed": seed, "law": law or learned.law})
+        verdict = judge(case, recording, start_m=start, taught_ends_m=learned.ends)
+        result = {"role": acting, "success": verdict.success, **verdict._asdict()}
+    result = {"skill": str(path), "law": law or learned.law, "stop_reason": recording.metadata["stop_reason"], **result}
+    if notice := recording.metadata.get("notice"):
+        result["notice"] = notice
+    if out is not None:
+        write(recording, out)
+        result["recording"] = str(out)
+    if plot is not None:
+        from ..evaluation import figures
+
+        figures.save(figures.reproduction(recording, title=f"{path.stem}, law {result['law']}"), plot)
+        result["picture"] = str(plot)
+    if json:
+        print_json(result)
+        return
+    for name, value in result.items():
+        shown = f"{value:.4g}" if isinstance(value, float) else ", ".join(value) or "none" if isinstance(value, tuple) else value
+        print(f"{name}: {shown}")
+
+
+def _replayed(
+    learned: LearnedSkill, source: Path, law: str | None, role: str | None, data: DataFlags, clock: Any
+) -> tuple[Recording, dict[str, Any]]:
+    """The paper's Fig. 7 way: recorded force as input. Says how the skill responds, nothing about collaboration."""
+    lesson = read_lessons([source], data)[0]
+    plant = ReplayPlant(lesson.force, dt=lesson.dt, start_position=lesson.position[0], axes=learned.axes)
+    skill = make_skill(learned, axes=learned.axes, dt=lesson.dt, law=law, role=role)
+    recording = run(plant, skill, duration_s=len(lesson) * lesson.dt, clock=clock, metadata={"force_from": str(source)})
+    apart = recording["hand.position"].values - lesson.position
+    return recording, {
+        "force_from": str(source),
+        "position_rmse_m": float(np.sqrt((apart**2).sum(axis=1).mean())),
+        "end_error_m": float(np.linalg.norm(apart[-1])),
+    }
+
+
+def trial(
+    roles: Sequence[str],
+    partners: int,
+    seed: int,
+    plant: str,
+    laws: Sequence[str],
+    files: Sequence[Path],
+    workers: int,
+    json: bool,
+) -> None:
+    given = {learned.role: learned for learned in map(skill_file.load, files)}
+    results: dict[str, dict[str, Any]] = {}
+    for role in roles:
+        learned = given.get(role) or taught(role, seed=0)
+        rng = np.random.default_rng([seed, ("leader", "follower").index(role)])
+        cases = [draw_case(role, rng) for _ in range(partners)]
+        for law in laws:
+            with progress(f"{role}, {law}") as report:
+                verdicts = run_cases(cases, learned, law, workers=workers, progress=report)
+            results.setdefault(role, {})[law] = summary(verdicts)
+    if json:
+        print_json(results)
+        return
+    for role, by_law in results.items():
+        rows = [
+            (
+                law,
+                f"{100 * r['success']:.1f} %",
+                f"{100 * r['interval'][0]:.1f}-{100 * r['interval'][1]:.1f}",
+                f"{r['effort']:.3g}",
+                f"{r['peak_force_n']:.3g}",
+                f"{1000 * r['ripple_m_per_s']:.2g}",
+                "; ".join(f"{k} {n}" for k, n in r["failures"].items()) or "-",
+            )
+            for law, r in by_law.items()
+        ]
+        columns = ("law", "success", "95 %", "effort N²s", "peak N", "ripple mm/s", "failures")
+        table(f"Robot as {role}: {partners} partners it has never met (seed {seed})", columns, rows)
+
+
+def summary(verdicts: Sequence[Verdict]) -> dict[str, Any]:
+    """Medians over partners (peak force: the highest of all), success with its 95 % interval, reasons of failures."""
+    successes, n = sum(v.success for v in verdicts), len(verdicts)
+
+    def median(name: str) -> float:
+        return float(np.median([getattr(v, name) for v in verdicts]))
+
+    return {
+        "success": successes / max(n, 1),
+        "interval": list(success_interval(successes, n)),
+        "partners": n,
+        "effort": median("effort_n2s"),
+        "work_j": median("work_j"),
+        "peak_force_n": float(max(v.peak_force_n for v in verdicts)),
+        "residual_force_n": median("residual_force_n"),
+        "end_error_m": float(np.median([abs(v.end_error_m) for v in verdicts])),
+        "tilt_deg": float(max(v.tilt_deg for v in verdicts)),
+        "ripple_m_per_s": median("ripple_m_per_s"),
+        "smoothness": median("smoothness"),
+        "failures": dict(Counter(reason for v in verdicts for reason in v.failures)),
+    }
