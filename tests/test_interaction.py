@@ -70,6 +70,8 @@ def test_a_recording_of_the_raw_force_becomes_interaction_force():
     assert any("force from eq. (3): mass 5 kg, share 0.5" in n for n in lesson.notes)
     stated = recording.with_metadata(payload={"mass_kg": MASS, "force_bias_n": [0.3]})
     assert demonstration(stated).sha256 == lesson.sha256
+    whole = recording.with_metadata(load_mass_kg=0.5 * MASS, load_share=1.0)
+    assert np.allclose(demonstration(whole).force - 0.3, lesson.force, atol=1e-9)
 
 
 def estimate(sensed, dx, **options):

@@ -128,7 +128,8 @@ class Preparation:
     rate_hz             the one rate; default: the rate that the mapping stated, else the slowest channel's own
     cutoff_hz           low-pass for derivatives and for F_s and a in eq. (3) [Hz]
     trim_rest_s         keep at most this much rest at start and end [s]; None keeps all
-    payload, load_share eq. (3) for recordings of the raw F_s: the object, and this hand's share of it
+    payload, load_share eq. (3) for recordings of the raw F_s: the object, and this hand's share of it; default: what
+                        the recording states (metadata load_mass_kg or payload, load_share), else a share of 1/2
     gravity             (d,) [m/s^2]; default: down along "z"
     drop_bad            drop frames that are not finite instead of refusing the file
     split_gaps          one demonstration for each piece between gaps (see `demonstrations`)
@@ -143,7 +144,7 @@ class Preparation:
     cutoff_hz: float = 10.0
     trim_rest_s: float | None = None
     payload: Payload | None = None
-    load_share: float = 0.5
+    load_share: float | None = None
     gravity: tuple[float, ...] | None = None
     drop_bad: bool = False
     split_gaps: bool = False
@@ -160,7 +161,7 @@ class Preparation:
             raise ParameterError(f"cutoff_hz is {self.cutoff_hz:g}; allowed: > 0 Hz")
         if self.trim_rest_s is not None and not self.trim_rest_s >= 0.0:
             raise ParameterError(f"trim_rest_s is {self.trim_rest_s:g}; allowed: >= 0 s, or None to keep all rest")
-        if not 0.0 <= self.load_share <= 1.0:
+        if self.load_share is not None and not 0.0 <= self.load_share <= 1.0:
             raise ParameterError(f"load_share is {self.load_share:g}; allowed: 0 to 1")
 
 
@@ -215,6 +216,8 @@ def _pieces(recording: Recording, chosen: Preparation) -> list[Demonstration]:
     role = _role(recording, where, chosen.role, notes)
     if chosen.payload is None and "hand.force" not in recording:
         chosen = replace(chosen, payload=_stored_payload(recording))
+    if chosen.load_share is None:
+        chosen = replace(chosen, load_share=float(recording.metadata.get("load_share", 0.5)))
     channels = _channels(recording, where, chosen, notes)
     holes = {name: gaps(channel) for name, channel in channels.items()}
     for name, found in holes.items():
@@ -236,9 +239,9 @@ def _pieces(recording: Recording, chosen: Preparation) -> list[Demonstration]:
 
 
 def _stored_payload(recording: Recording) -> Payload | None:
-    """The payload that the recording itself states: metadata {"payload": {"mass_kg": 5.0, "force_bias_n": [...]}}."""
-    stored = recording.metadata.get("payload")
-    if not isinstance(stored, Mapping) or "mass_kg" not in stored:
+    """The payload that the recording states: metadata load_mass_kg, or payload {"mass_kg", "force_bias_n"}."""
+    stored = recording.metadata.get("payload", {"mass_kg": recording.metadata.get("load_mass_kg")})
+    if not isinstance(stored, Mapping) or stored.get("mass_kg") is None:
         return None
     bias = tuple(float(b) for b in stored.get("force_bias_n", ()))
     return Payload(float(stored["mass_kg"]), force_bias_n=bias)
@@ -377,6 +380,7 @@ def _interaction(
             f"{where}: hand.sensor_force is raw: eq. (3) needs the payload; give payload=Payload(mass_kg=...) "
             "or identify it from a window at rest (identify_payload)"
         )
+    share = 0.5 if chosen.load_share is None else chosen.load_share
     gravity = np.array(chosen.gravity) if chosen.gravity is not None else gravity_along(axes)
     bias = np.array(payload.force_bias_n) if payload.force_bias_n else np.zeros(len(axes))
     if gravity.shape != (len(axes),) or bias.shape != (len(axes),):
@@ -384,10 +388,10 @@ def _interaction(
     acceleration = smooth(differentiate(signals["velocity"], dt), dt, cutoff)
     sensed = smooth(signals["sensor_force"] - bias, dt, cutoff)
     notes.append(
-        f"force from eq. (3): mass {payload.mass_kg:g} kg, share {chosen.load_share:g}, bias {bias.tolist()} N, "
+        f"force from eq. (3): mass {payload.mass_kg:g} kg, share {share:g}, bias {bias.tolist()} N, "
         f"zero-phase low-pass {cutoff:.4g} Hz on F_s and acceleration"
     )
-    return interaction_force(sensed, acceleration, mass_kg=payload.mass_kg, load_share=chosen.load_share, gravity=gravity)
+    return interaction_force(sensed, acceleration, mass_kg=payload.mass_kg, load_share=share, gravity=gravity)
 
 
 def _trimmed(signals: dict[str, Array], dt: float, keep_s: float | None, notes: list[str]) -> dict[str, Array]:
