@@ -24,6 +24,7 @@ class DataFlags:
     rate_hz: Annotated[float | None, Parameter(help="Rate of frames without stamps; with stamps, the rate to resample to.")] = (
         None
     )
+    resample_hz: Annotated[float | None, Parameter(help="Rate to work at, when it is not the recordings' own.")] = None
     role: Annotated[str | None, Parameter(help="What the robot did in these recordings: leader or follower.")] = None
     axes: Annotated[str | None, Parameter(help="Names of the axes, e.g. z or x,y,z.")] = None
     extra: Annotated[list[str] | None, Parameter(help="Another channel: name=column,column; may be repeated.")] = None

@@ -17,7 +17,7 @@ from ..errors import ParameterError, SkillFileError
 from ..learned import LAWS, STATES, LearnedSkill
 from ..learned import learn as learn_skill
 from .console import print_json, progress, table
-from .reading import read_lessons, read_recordings
+from .reading import read_each, read_lessons, read_recordings
 
 
 def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, json: bool) -> None:
@@ -63,7 +63,7 @@ def evaluate(files: Sequence[Path], leave_one_out: bool, data: DataFlags, flags:
         if len(files) < 2:
             raise ParameterError("give a skill file and recordings: comanip evaluate skill.json lesson*.csv, or --leave-one-out")
         learned = skill_file.load(files[0])
-        lessons = read_lessons(files[1:], _at_rate(data, learned))
+        lessons = read_each(files[1:], _at_rate(data, learned))
         found = [prediction.predict(learned, lesson) for lesson in lessons]
         source = str(files[0])
     overall = prediction.overall(found)
@@ -101,7 +101,7 @@ def classify(files: Sequence[Path], skills: Sequence[Path], data: DataFlags, jso
     if len(skills) < 2:
         raise ParameterError("give at least two skills to tell apart: --skill leader.json --skill follower.json")
     learned = [skill_file.load(path) for path in skills]
-    lessons = read_lessons(files, _at_rate(data, learned[0]))
+    lessons = read_each(files, _at_rate(data, learned[0]))
     names = [str(path) for path in skills]
     found = [
         {"name": lesson.name, "posterior": dict(zip(names, prediction.classify(learned, lesson).tolist(), strict=True))}
@@ -195,7 +195,7 @@ def _at_rate(data: DataFlags, learned: LearnedSkill) -> DataFlags:
     """The skill's rate unless the flags say otherwise: recordings are resampled to it, and their notes say so."""
     from dataclasses import replace
 
-    return data if data.rate_hz is not None else replace(data, rate_hz=1.0 / learned.dt)
+    return data if data.resample_hz is not None else replace(data, resample_hz=1.0 / learned.dt)
 
 
 def _summary(learned: LearnedSkill) -> dict[str, Any]:

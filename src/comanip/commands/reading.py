@@ -49,18 +49,25 @@ def read_recordings(files: Sequence[Path], flags: DataFlags) -> list[Recording]:
 
 
 def read_lessons(files: Sequence[Path], flags: DataFlags, *, min_frames: int = 4) -> tuple[Demonstration, ...]:
-    """Demonstrations at one rate, prepared and checked as the flags say."""
-    return demonstrations(
-        read_recordings(files, flags),
-        Preparation(
-            rate_hz=flags.rate_hz,
-            cutoff_hz=flags.cutoff_hz,
-            trim_rest_s=flags.trim_rest_s,
-            payload=None if flags.load_mass_kg is None else Payload(flags.load_mass_kg),
-            load_share=flags.load_share,
-            drop_bad=flags.drop_bad,
-            split_gaps=flags.split_gaps,
-            role=flags.role,
-            min_frames=min_frames,
-        ),
+    """Demonstrations at one rate, prepared and checked as a set (one role, no repeats, one scale) as the flags say."""
+    return demonstrations(read_recordings(files, flags), preparation_of(flags, min_frames))
+
+
+def read_each(files: Sequence[Path], flags: DataFlags) -> tuple[Demonstration, ...]:
+    """Demonstrations that need not belong together: what a finished skill is held against."""
+    preparation = preparation_of(flags)
+    return tuple(lesson for r in read_recordings(files, flags) for lesson in demonstrations([r], preparation))
+
+
+def preparation_of(flags: DataFlags, min_frames: int = 4) -> Preparation:
+    return Preparation(
+        rate_hz=flags.resample_hz,
+        cutoff_hz=flags.cutoff_hz,
+        trim_rest_s=flags.trim_rest_s,
+        payload=None if flags.load_mass_kg is None else Payload(flags.load_mass_kg),
+        load_share=flags.load_share,
+        drop_bad=flags.drop_bad,
+        split_gaps=flags.split_gaps,
+        role=flags.role,
+        min_frames=min_frames,
     )

@@ -22,7 +22,7 @@ from ..models.filtering import ForwardFilter
 from ..models.gmr import Regression
 from ..models.hmm import log_likelihood
 from ..plants.replay import ReplayPlant
-from ..skills.paper import PaperLaw, PaperSkill, law_from
+from ..skills.paper import PaperLaw, PaperSkill, law_from, taught_range
 
 FREE_RUN = PaperLaw(weight_channels=("position", "force"), attraction_per_s=1.0, gain="constant", target_position="predicted")
 
@@ -86,7 +86,12 @@ def one_step_velocity(learned: LearnedSkill, lesson: Demonstration) -> Array:
     seen[1:, moving] = frames[:-1, moving]
     seen[0, moving] = np.nan
     forward = ForwardFilter(model)
-    return np.array([regression.mean(forward.step(xi), x).copy() for xi, x in zip(seen, frames[:, given], strict=True)])
+    known = frames[:, given]
+    low, high = np.array(-np.inf), np.array(np.inf)
+    if learned.law != "paper":
+        known = np.clip(known, *taught_range(model, regression.inputs))
+        low, high = taught_range(model, regression.outputs)
+    return np.array([np.clip(regression.mean(forward.step(xi), x), low, high) for xi, x in zip(seen, known, strict=True)])
 
 
 def free_run(learned: LearnedSkill, lesson: Demonstration) -> Array:

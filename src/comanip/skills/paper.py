@@ -6,7 +6,7 @@ docs/laws.md. With a living partner the literal law fails (docs/results.md); it 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -34,6 +34,8 @@ class PaperLaw:
     gain              "likelihood" eq. (9), or "constant" (always lambda_max)
     target_position   what x_hat of eq. (6) is regressed from: "measured" velocity (paper), "predicted" velocity v_hat, which
                       opens the loop velocity -> x_hat -> velocity, or "force" alone
+    bounded           True: what goes into the regressions, and what comes out, is held within the taught range (three standard
+                      deviations beyond the outermost states). A regression is a line and goes on for ever; a task does not
     integrator        "euler" eq. (10) or "exact" (the linear ODE of eq. (8), targets held over the step)
     """
 
@@ -44,6 +46,7 @@ class PaperLaw:
     gain: str = "likelihood"
     target_position: str = "measured"
     integrator: str = "euler"
+    bounded: bool = False
     transition_floor: float = 1e-6
 
     def __post_init__(self) -> None:
@@ -120,6 +123,10 @@ class PaperSkill:
         self._sources = [(g, axes.index(a)) for g, a in (c.split(".", 1) for c in self._filter.channels)]
         self._xi = np.zeros(len(self._filter.channels))
         self._marginal = marginal(model.means, model.covariances, [model.channels.index(c) for c in self._filter.channels])
+        self._range: dict[str, tuple[Any, Any]] = {}
+        for group in self._groups:
+            channels = [c for c in model.channels if c.startswith(group + ".")]
+            self._range[group] = taught_range(model, channels) if law.bounded and channels else (-np.inf, np.inf)
         self._v_hat, self._x_hat = np.zeros(d), np.zeros(d)
         self._h, self._kappa_p = np.zeros(k), np.zeros(1)
         self._position, self._velocity = np.zeros(d), np.zeros(d)
@@ -146,12 +153,15 @@ class PaperSkill:
         dx = np.where(np.isfinite(obs.velocity), obs.velocity, self._velocity)
         self._weigh(x, obs.force, dx)
         felt = self._has_force and bool(np.isfinite(obs.force).all())
+        near = np.clip(x, *self._range["position"])
         if felt:
-            self._force = obs.force
-            self._velocity_from.mean(self._h, np.concatenate([x, obs.force]), out=self._v_hat)
+            self._force = np.clip(obs.force, *self._range["force"])
+            self._velocity_from.mean(self._h, np.concatenate([near, self._force]), out=self._v_hat)
         else:
-            self._blind.mean(self._h, x, out=self._v_hat)
+            self._blind.mean(self._h, near, out=self._v_hat)
+        np.clip(self._v_hat, *self._range["velocity"], out=self._v_hat)
         self._position_from.mean(self._h, self._backward_inputs(dx), out=self._x_hat)
+        np.clip(self._x_hat, *self._range["position"], out=self._x_hat)
         kappa_v = self.law.velocity_gain_per_s or 1.0 / self._dt
         share = self._gain(x) if self.law.gain == "likelihood" else 1.0
         self._kappa_p[0] = kappa_v * self.law.attraction_per_s * share
@@ -189,6 +199,14 @@ class PaperSkill:
             drive = pull + kappa_v * dx  # right-hand side of y'' = -kappa_p y - kappa_v y' + drive, y = x(t) - x
             self._position[:] = x + one.yv * dx + one.yu * drive
             self._velocity[:] = one.vv * dx + one.vu * drive
+
+
+def taught_range(model: Hmm, channels: Iterable[str]) -> tuple[Array, Array]:
+    """Lowest and highest value of each channel (C,) that the states reach within three standard deviations."""
+    columns = [model.channels.index(c) for c in channels]
+    means, covariances = marginal(model.means, model.covariances, columns)
+    reach = 3.0 * np.sqrt(np.einsum("kii->ki", covariances))
+    return (means - reach).min(axis=0), (means + reach).max(axis=0)
 
 
 def hidden_loop_gain(model: Hmm, attraction_per_s: float) -> Array:
