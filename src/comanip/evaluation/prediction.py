@@ -26,7 +26,14 @@ from ..skills.paper import PaperLaw, PaperSkill, law_from, taught_range
 
 # chosen on simulated lessons of three kinds (follower, leader, hand-guided admittance), ten sets, leave-one-out; docs/results.md
 FREE_RUN = PaperLaw(
-    weight_channels=("position", "force"), attraction_per_s=1.0, gain="constant", target_position="force", bounded=True
+    weight_channels=("position", "force"),
+    attraction_per_s=1.0,
+    gain="constant",
+    target_position="force",
+    bounded=True,
+    integrator="exact",
+    transition_floor=1e-6,
+    gate=20.0,
 )
 
 
