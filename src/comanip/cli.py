@@ -1,7 +1,7 @@
 """The command line: the only place where parts are chosen by name.
 
-Results go to standard output (with --json as one JSON document), progress and warnings to standard error. Exit code 2 and one line
-for input that cannot be used.
+Results go to standard output (with --json as one JSON document), progress and warnings to standard error. Exit code 2 and one
+line for input that cannot be used.
 """
 
 from __future__ import annotations

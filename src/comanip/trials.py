@@ -1,7 +1,7 @@
 """Partners a skill has never met, drawn wider than the lessons, and the judgement of what happened with them.
 
-The distribution and the criteria are stated here once and used by `comanip demo`, `comanip trial` and the tests. Every claim about
-collaboration is measured this way: in closed loop, with a living partner.
+The distribution and the criteria are stated here once and used by `comanip demo`, `comanip trial` and the tests. Every claim
+about collaboration is measured this way: in closed loop, with a living partner.
 """
 
 from __future__ import annotations

@@ -203,8 +203,8 @@ class CollaborativeSkill:
 
     def _weigh(self, x: Array, force: Array) -> None:
         """Eq. (4) from position and force on the model's own clock: which state of the task this is."""
-        self._until_filter -= self._dt
         while self._until_filter <= 1e-9:
             self._until_filter += self._model_dt
             n = len(self._filter.channels)
             self._h[:] = self._filter.step(np.concatenate([x, force])[:n])
+        self._until_filter -= self._dt

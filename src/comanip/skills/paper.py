@@ -162,7 +162,6 @@ class PaperSkill:
 
     def _weigh(self, x: Array, force: Array, dx: Array) -> None:
         """Eq. (4) or (7), on the model's own clock."""
-        self._until_filter -= self._dt
         groups = {"position": x, "force": force, "velocity": dx}
         while self._until_filter <= 1e-9:
             self._until_filter += self._model_dt
@@ -172,6 +171,7 @@ class PaperSkill:
                 self._h[:] = self._filter.step(self._xi)
             else:
                 self._h[:] = normalised(log_density(self._xi[None], *self._marginal))[0]
+        self._until_filter -= self._dt
 
     def _regress(self, x: Array, dx: Array, force: Array | None) -> None:
         """Eqs. (5) and (6) with the present weights; without force, velocity from position alone."""

@@ -1,4 +1,4 @@
-"""One self-contained HTML page about a demo: pictures, numbers, and an animation of both collaborations. No network, no library."""
+"""One self-contained HTML page about a demo: pictures, numbers, an animation of both collaborations. No network, no library."""
 
 from __future__ import annotations
 
