@@ -13,7 +13,6 @@ _PUBLIC = {
     "write": "comanip.formats",
     "Columns": "comanip.formats.columns",
     "Demonstration": "comanip.demonstration",
-    "demonstration": "comanip.demonstration",
     "demonstrations": "comanip.demonstration",
     "interaction_force": "comanip.interaction",
     "identify_payload": "comanip.interaction",
