@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import exp, pi
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,10 @@ class CollaborativeLaw:
     patience_s: float = 0.15  # how long resistance must last to count
     reach_m: float = 0.10  # starts farther than this outside the taught positions: comply only
     max_acceleration_m_per_s2: float = 5.0
+    shake_hz: float = 2.5  # faster than people move a load together: what oscillates above is instability or shaking
+    shake_n: float = 0.7  # amplitude from which it is damped
+    shake_damping_ns_per_m_per_n: float = 20.0
+    lead_s: float = 0.02  # the robot's actuator lag, anticipated in the command
 
     @staticmethod
     def for_role(role: str, **settings: Any) -> CollaborativeLaw:
@@ -102,7 +107,7 @@ class CollaborativeSkill:
         self._h = np.zeros(model.n_states)
         self._phase, self._rate = np.zeros(1), np.zeros(1)
         self._expected, self._compliance = np.zeros(d), np.zeros(d)
-        self._velocity, self._position, self._force = np.zeros(d), np.zeros(d), np.zeros(d)
+        self._velocity, self._position, self._slow = np.zeros(d), np.zeros(d), np.zeros(d)
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
@@ -120,8 +125,9 @@ class CollaborativeSkill:
         self._h[:] = self._filter.weights
         self._position[:] = np.nan_to_num(obs.position)
         self._start = self._position.copy()
-        for array in (self._velocity, self._force, self._compliance, self._expected):
+        for array in (self._velocity, self._slow, self._compliance, self._expected):
             array[:] = 0.0
+        self._shake = 0.0
         self._resistance = 0.0
         self._phase[0] = -self.law.start_delay_s if self.role == "leader" else 0.0
         self._rate[0] = 0.0
@@ -146,7 +152,7 @@ class CollaborativeSkill:
         limit = self.law.max_acceleration_m_per_s2 * self._dt
         change = np.clip(reference + self._compliance - self._velocity, -limit, limit)
         self._velocity += change
-        command.velocity[:] = self._velocity
+        command.velocity[:] = self._velocity + self.law.lead_s / self._dt * change
         command.position[:] = x + self._dt * self._velocity
         command.acceleration[:] = change / self._dt
 
@@ -156,10 +162,23 @@ class CollaborativeSkill:
         speed = max(float(np.abs(self._compliance).max()), float(np.abs(reference).max()))
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest**2 * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
+        damping += self._against_shaking(excess)
         dead = law.dead_zone_n * rest
         push = np.sign(excess) * np.maximum(np.abs(excess) - dead, 0.0)
         share = self._dt / law.virtual_mass_kg
         self._compliance[:] = (self._compliance + share * push + self._dt * feedforward) / (1.0 + share * damping)
+
+    def _against_shaking(self, excess: Array) -> float:
+        """Damping [N s/m] to add while force oscillates faster than people lift together.
+
+        Around a partner of stiffness K and damping B, a delay tau takes tau K from the loop's damping, whatever the virtual mass:
+        stable if B + D > tau K. So a stiff partner needs D, and only he does.
+        """
+        law = self.law
+        self._slow += (1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)) * (excess - self._slow)
+        fast = float(np.abs(excess - self._slow).max())
+        self._shake += min(self._dt / 0.3, 1.0) * (fast - self._shake)
+        return law.shake_damping_ns_per_m_per_n * max(1.57 * self._shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
 
     def _lead(self, x: Array, force: Array) -> Array:
         """Advances the clock and gives s' v_r + lambda (x_r - x)."""
