@@ -41,8 +41,8 @@ class Numbers(NamedTuple):
 def numbers(seed: int, *, n_data: int = 400, n_draws: int = 2_000_000) -> Numbers:
     rng = np.random.default_rng([seed, 2])
     data = _draw(rng, n_data)
-    one = fit_gmm([data], 1, channels=CHANNELS).model
-    two = fit_gmm([data], 2, channels=CHANNELS, initial_guess="kmeans", rng=rng).model
+    one = fit_gmm(np.split(data, 2), 1, channels=CHANNELS).model
+    two = fit_gmm(np.split(data, 2), 2, channels=CHANNELS, initial_guess="kmeans", rng=rng).model
     slope, offset = np.polyfit(data[:, 0], data[:, 1], 1)
     residual = float(np.std(data[:, 1] - slope * data[:, 0] - offset))
     many = _draw(rng, n_draws)
@@ -130,7 +130,7 @@ def _joint(ax: Any, found: Numbers, model: Gmm, title: str) -> None:
     ax.fill_between(QUERY[:, 0], y.mean[:, 0] - spread, y.mean[:, 0] + spread, color=figures.CLAY, alpha=0.16, linewidth=0)
     ax.plot(QUERY[:, 0], y.mean[:, 0], color=figures.CLAY, linewidth=2.0, label="regression")
     figures.ellipses(ax, model, "position", "velocity", color=figures.INK, alpha=0.0)
-    if model.n_components == 1:
+    if model.n_states == 1:
         ax.plot(QUERY[:, 0], found.line[0], color=figures.INK, linestyle=figures.DASHES[2], label="least squares")
     for x, dash in zip(ASKED_M, figures.DASHES, strict=False):
         ax.axvline(x, color=figures.SEA, linestyle=dash, linewidth=0.9)

@@ -17,7 +17,7 @@ from comanip.loop import run
 from comanip.models.gaussian import log_density, marginal, normalised
 from comanip.models.gmr import Regression
 from comanip.plants.replay import ReplayPlant
-from comanip.skills.paper import ConfidenceGain, PaperLaw, PaperSkill
+from comanip.skills.paper import ConfidenceGain, PaperLaw, PaperSkill, taught_range
 
 AXES = ("x", "y")
 DT = 0.01  # [s], the paper's
@@ -83,8 +83,9 @@ def field(skill: LearnedSkill, x: Array, law: PaperLaw) -> Field:
     forward, backward = Regression(model, "position", "velocity"), Regression(model, "velocity", "position")
     columns = [model.channels.index(f"position.{a}") for a in AXES]
     h = normalised(log_density(x, *marginal(model.means, model.covariances, columns)))
-    v_hat = forward.predict(h, x).mean
-    x_hat = backward.predict(h, v_hat).mean
+    reach, speeds = (taught_range(model, [f"{g}.{a}" for a in AXES]) for g in ("position", "velocity"))
+    v_hat = np.clip(forward.predict(h, np.clip(x, *reach)).mean, *speeds)
+    x_hat = np.clip(backward.predict(h, v_hat).mean, *reach)
     share = np.array([ConfidenceGain(model)(row) for row in x])
     return Field(v_hat, law.attraction_per_s * share[:, None] * (x_hat - x))
 
