@@ -26,7 +26,9 @@ from comanip.skills.paper import ConfidenceGain, PaperLaw, PositionGain
 PATH = planar.curve([(0.0, 0.0), (0.08, 0.10), (0.18, 0.12), (0.26, 0.05), (0.36, 0.02), (0.45, 0.10)])
 SPREADS_M = {"consistent": 0.004, "variable": 0.020}
 STARTS = ((-0.02, 0.10), (0.05, -0.06))  # the two that are drawn
-AROUND = tuple((0.06 * np.cos(a) + 0.01, 0.06 * np.sin(a) + 0.02) for a in np.radians(np.arange(75.0, 316.0, 30.0)))  # and measured
+AROUND = tuple(
+    (0.06 * np.cos(a) + 0.01, 0.06 * np.sin(a) + 0.02) for a in np.radians(np.arange(75.0, 316.0, 30.0))
+)  # and measured
 STRETCH = slice(75, 150)  # [frames] 0.75 s to 1.5 s: mid-course
 ASIDE_M = 0.02  # how far beside the path the gain is compared
 STYLE = {

@@ -8,6 +8,7 @@ import numpy as np
 
 from comanip.demonstration import Demonstration, demonstrations
 from comanip.interaction import Payload
+from comanip.learned import LearnedSkill, learn
 from comanip.plants.beam import Beam
 from comanip.teaching import Habits, teach
 
@@ -24,6 +25,12 @@ def taught(role: str, seed: int, *, waiting: bool = False) -> tuple[Demonstratio
     recordings = teach(role, LESSONS + 1, rng=stream, habits=habits)
     named = [r.with_metadata(name=f"{role} {n + 1}") for n, r in enumerate(recordings)]
     return demonstrations(named, rate_hz=RATE_HZ, payload=Payload(Beam().mass_kg))
+
+
+@lru_cache(maxsize=64)
+def learned(lessons: tuple[Demonstration, ...]) -> LearnedSkill:
+    """The paper's model of 5 states; the same lessons are learned from once."""
+    return learn(lessons, law="paper")
 
 
 def moving(lesson: Demonstration, share: float = 0.05) -> slice:
