@@ -1,8 +1,9 @@
 """Fig. 2: Gaussian mixture regression, with one Gaussian and with two.
 
-The paper shows how a joint density of input and output becomes an estimate of the output with its spread. Claims: with one Gaussian
-the estimate IS linear least squares, spread included; with two it is the conditional mean and variance of the mixture, so it bends
-where they meet and is wider where they disagree. Refuted by any slope, mean or spread that differs from what the data themselves say.
+The paper shows how a joint density of input and output becomes an estimate of the output with its spread. Claims: with one
+Gaussian the estimate IS linear least squares, spread included; with two it is the conditional mean and variance of the
+mixture, so it bends where they meet and is wider where they disagree. Refuted by any slope, mean or spread that differs
+from what the data themselves say.
 """
 
 from __future__ import annotations
@@ -11,10 +12,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from comanip.experiments.readings import script
 
 from comanip.evaluation import figures
 from comanip.evaluation.claims import Claim, at_least, at_most
-from comanip.experiments.readings import script
 from comanip.interfaces import Array
 from comanip.models.gmm import Gmm, fit_gmm
 from comanip.models.gmr import regress
@@ -109,13 +110,15 @@ def _widest_state() -> float:
 
 def draw(found: Numbers) -> Any:
     caption = (
-        "Fig. 2. Left: data, states (2 standard deviations) and the regression with its band of 2 standard deviations. Right: the "
-        "output's density at three inputs; areas are 2 million draws of the true density, lines the Gaussian that the regression "
-        "gives for the model behind the draws. Refuted if the upper line is not least squares, or if a lower line's mean or width "
-        "differs from its area's."
+        "Fig. 2. Left: data, states (2 standard deviations) and the regression with its band of 2 standard deviations. "
+        "Right: the output's density at three inputs; areas are 2 million draws of the true density, lines the Gaussian "
+        "that the regression gives for the model behind the draws. Refuted if the upper line is not least squares, or if "
+        "a lower line's mean or width differs from its area's."
     )
     with figures.taste():
-        figure = figures.blank(7.2, 4.9, caption=caption)
+        dashed = zip(ASKED_M, figures.DASHES, strict=False)
+        asked = [figures.line(color=figures.SEA, linestyle=d, label=f"asked at x = {x:g} m") for x, d in dashed]
+        figure = figures.blank(7.2, 4.9, legend=asked, caption=caption)
         grid = figure.subplots(2, 2, width_ratios=[1.5, 1.0])
         for row, (model, title) in enumerate(((found.one, "One Gaussian"), (found.two, "Two Gaussians"))):
             _joint(grid[row, 0], found, model, title)
@@ -137,7 +140,7 @@ def _joint(ax: Any, found: Numbers, model: Gmm, title: str) -> None:
     ax.set_xlim(0.0, 0.3)
     ax.set_ylim(-0.02, 0.34)
     figures.label(ax, "input: position x [m]", "output: velocity dx [m/s]", title)
-    ax.legend(loc="upper left")
+    ax.legend(loc="lower right")
 
 
 def _conditional(ax: Any, found: Numbers, *, one: bool) -> None:
@@ -149,12 +152,8 @@ def _conditional(ax: Any, found: Numbers, *, one: bool) -> None:
         if not one:
             ax.hist(found.drawn[x], bins=50, density=True, color=figures.SEA, alpha=0.25)
         ax.plot(y, np.exp(-0.5 * (y - mean) ** 2 / variance) / np.sqrt(2 * np.pi * variance), color=figures.CLAY, linestyle=dash)
-    handles = [
-        figures.line(color=figures.CLAY, linestyle=d, label=f"x = {x:g} m") for x, d in zip(ASKED_M, figures.DASHES, strict=False)
-    ]
     ax.set_xlim(-0.02, 0.34)
     figures.label(ax, "output: velocity dx [m/s]", "density [s/m]", "Output given the input")
-    ax.legend(handles=handles, loc="upper right")
 
 
 def run(out: Path, *, seed: int = 0) -> list[Claim]:

@@ -1,10 +1,11 @@
 """Fig. 3: a handwriting-like motion as a dynamical system: velocity term alone, position term alone, both.
 
-Claims of the paper: the velocity term follows the learned motion but strays from a new start; the position term comes to the taught
-path and does not go along it; both together do what neither does. Refuted by a run that does not end where the lessons end, by a
-velocity term that needs no help, or by a position term that goes along the path.
+Claims of the paper: the velocity term follows the learned motion but strays from a new start; the position term comes to
+the taught path and does not go along it; both together do what neither does. Refuted by a run that does not end where the
+lessons end, by a velocity term that needs no help, or by a position term that goes along the path.
 
-To the letter (weights from all of xi, eq. (9)) the law locks itself into its first state; the picture shows it beside the reading.
+To the letter (weights from all of xi, eq. (9)) the law locks itself into its first state; the picture shows it beside the
+reading.
 """
 
 from __future__ import annotations
@@ -14,12 +15,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from comanip.experiments import planar
+from comanip.experiments.readings import LETTER, READING, script
 
 from comanip.demonstration import Demonstration
 from comanip.evaluation import figures
 from comanip.evaluation.claims import Claim, at_least, at_most
-from comanip.experiments import planar
-from comanip.experiments.readings import LETTER, READING, script
 from comanip.interfaces import Array
 from comanip.learned import LearnedSkill, learn
 from comanip.skills.paper import PaperLaw
@@ -110,20 +111,20 @@ def claims(found: Numbers) -> list[Claim]:
 
 def draw(found: Numbers) -> Any:
     caption = (
-        f"Fig. 3. {len(found.lessons)} lessons (grey) of a handwriting-like motion, 8 states, position and velocity only. Ellipses: 2 "
-        "standard deviations. Points: new starts; bold: runs of 3 s from there. Fields: what the terms of eq. (8) ask for at rest, "
-        "weights from position. To the letter: weights from position and velocity, gain of eq. (9). Refuted if 'both' misses the "
-        "end, if 'velocity' needs no help, or if 'position' moves along the path."
+        f"Fig. 3. {len(found.lessons)} lessons (grey) of a handwriting-like motion, 8 states, position and velocity only. "
+        "Ellipses: 2 standard deviations. Points: new starts; bold: runs of 3 s from there. Fields: what the terms of eq."
+        " (8) ask for at rest, weights from position. To the letter: weights from position and velocity, gain of eq. (9)."
+        " Refuted if 'both' misses the end, if 'velocity' needs no help, or if 'position' moves along the path."
     )
     with figures.taste():
-        figure = figures.blank(7.4, 7.6, caption=caption)
-        grid = figure.subplots(3, 2)
+        figure = figures.blank(7.4, 5.3, caption=caption)
+        grid = figure.subplots(2, 3)
         _model(grid[0, 0], found, "position")
-        _model(grid[0, 1], found, "velocity")
-        _field(grid[1, 0], found, "velocity", found.velocity_alone, "Velocity term alone")
+        _model(grid[1, 0], found, "velocity")
+        _field(grid[0, 1], found, "velocity", found.velocity_alone, "Velocity term alone")
         _field(grid[1, 1], found, "position", found.position_alone, "Position term alone")
-        _field(grid[2, 0], found, "both", found.both, "Both terms, our reading")
-        _field(grid[2, 1], found, "both", found.letter, "Both terms, to the letter", arrows=False)
+        _field(grid[0, 2], found, "both", found.both, "Both, our reading")
+        _field(grid[1, 2], found, "both", found.letter, "Both, to the letter", arrows=False)
     return figure
 
 

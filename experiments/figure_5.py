@@ -1,8 +1,8 @@
 """Fig. 5: lessons of the lift in both roles, and their models of 5 states.
 
-Claims of the paper: the two roles are distinct and stereotypical; each begins and ends with force and velocity near zero; five states
-hold each compactly. Refuted by a lesson whose force does work of the other role's sign, by a held-out lesson that the other
-role's model explains better, or by one that leaves its own model's states.
+Claims of the paper: the two roles are distinct and stereotypical; each begins and ends with force and velocity near zero;
+five states hold each compactly. Refuted by a lesson whose force does work of the other role's sign, by a held-out lesson
+that the other role's model explains better, or by one that leaves its own model's states.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from comanip.experiments.lifts import LESSONS, learned, moving, taught
+from comanip.experiments.readings import script
 
 from comanip.demonstration import Demonstration
 from comanip.evaluation import figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.evaluation.metrics import work
-from comanip.experiments.lifts import LESSONS, learned, moving, taught
-from comanip.experiments.readings import script
-from comanip.interfaces import Array
 from comanip.evaluation.prediction import one_step_velocity
+from comanip.interfaces import Array
 from comanip.learned import LearnedSkill
 from comanip.models.hmm import log_likelihood
 
@@ -100,12 +100,13 @@ def claims(found: Numbers) -> list[Claim]:
 
 def draw(found: Numbers) -> Any:
     caption = (
-        "Fig. 5. Five lessons as leader (dark, solid) and five as follower (light, dashed), taught on the simulated beam; points mark "
-        "the beginning. F is the partner's force on the hand. Bottom: models of 5 states each, 2 standard deviations, numbered in order "
-        "of time. Refuted if a lesson's force has the other role's sign, or if a lesson leaves its role's ellipses."
+        "Fig. 5. Five lessons as leader (dark, solid) and five as follower (light, dashed), taught on the simulated beam;"
+        " points mark the beginning. F is the partner's force on the hand. Bottom: models of 5 states each, 2 standard "
+        "deviations, numbered in order of time. Refuted if a lesson's force has the other role's sign, or if a lesson "
+        "leaves its role's ellipses."
     )
     with figures.taste():
-        figure = figures.blank(7.4, 6.9, caption=caption)
+        figure = figures.blank(7.4, 6.9, legend=figures.roles_legend(ROLES), caption=caption)
         grid = figure.subplots(3, 3)
         for ax, name in zip(grid[0], UNITS, strict=True):
             _over_time(ax, found, name)
@@ -114,9 +115,9 @@ def draw(found: Numbers) -> Any:
         for ax, (a, b) in zip(grid[2], PLANES, strict=True):
             for role in ROLES:
                 figures.ellipses(ax, found.skills[role].model, f"{a}.z", f"{b}.z", **figures.ROLE_STYLE[role])
-            figures.label(ax, UNITS[a], UNITS[b], "Models" if a == b or ax is grid[2, 0] else "")
-        names = {"leader": "robot leads", "follower": "robot follows"}
-        figures.above(grid[0, 0], [figures.line(label=names[r], **figures.ROLE_STYLE[r]) for r in ROLES])
+            figures.label(ax, UNITS[a], UNITS[b])
+        for ax, title in zip(grid[:, 0], ("Lessons over time", "Against each other", "Models of 5 states"), strict=True):
+            ax.set_title(title)
     return figure
 
 

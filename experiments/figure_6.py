@@ -1,8 +1,8 @@
 """Fig. 6: how force and velocity go together, in three parts of the motion, and how badly one constant damping fits.
 
-Claims of the paper: the correlation between force and velocity changes along the motion, so that a constant damping F = D v would be a
-poor model of either role, while 5 Gaussians hold it. Refuted by slopes that agree in all thirds, or by a constant damping that predicts
-the force of a held-out lesson as well as the regression.
+Claims of the paper: the correlation between force and velocity changes along the motion, so that a constant damping F = D v
+would be a poor model of either role, while 5 Gaussians hold it. Refuted by slopes that agree in all thirds, or by a
+constant damping that predicts the force of a held-out lesson as well as the regression.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from comanip.experiments.figure_5 import ROLES, UNITS
+from comanip.experiments.lifts import LESSONS, learned, moving, taught
+from comanip.experiments.readings import script
 
 from comanip.demonstration import Demonstration
 from comanip.evaluation import figures
 from comanip.evaluation.claims import Claim, at_least
-from comanip.experiments.figure_5 import ROLES, UNITS
-from comanip.experiments.lifts import LESSONS, learned, moving, taught
-from comanip.experiments.readings import script
 from comanip.interfaces import Array
 from comanip.models.gmr import regress
 
@@ -82,13 +82,15 @@ def claims(found: Numbers) -> list[Claim]:
     slope = np.abs(np.concatenate([found.slope[role] for role in ROLES]))
     made = [
         at_least(
-            f"the correlation changes along the motion: of ten lessons, those least correlated in the middle ({_means(found.correlation)})",
+            "the correlation changes along the motion: of ten lessons, those least correlated in the middle "
+            f"({_means(found.correlation)})",
             float((np.abs(r).argmin(axis=1) == 1).sum()),
             8,  # chance 1 in 3 for each: 8 of 10 happen 3 times in 1,000
             refuted_by="lessons that are as correlated in the middle as at the ends",
         ),
         at_least(
-            f"so does its slope dF/dv: of ten lessons, those steeper in the first third than in the last ({_means(found.slope, '.0f')} N s/m)",
+            "so does its slope dF/dv: of ten lessons, those steeper in the first third than in the last "
+            f"({_means(found.slope, '.0f')} N s/m)",
             float((slope[:, 0] > slope[:, 2]).sum()),
             9,  # chance 1 in 2 for each: 9 of 10 happen once in 100
             refuted_by="one slope for all thirds: a constant damping",
@@ -115,13 +117,13 @@ def _means(values: Mapping[str, Array], digits: str = ".2f") -> str:
 
 def draw(found: Numbers) -> Any:
     caption = (
-        "Fig. 6. Force against velocity in the three parts of the motion, five lessons a role, with the line of least squares of each "
-        "part and the lessons' mean correlation r. Below: the force of a held-out lesson, by one constant damping D and by regression on a model of 5 "
-        "states (both learned from the other four lessons; R^2 is the mean over all five). Refuted if the lines of a role agree in all "
-        "parts, or if D v follows the force as well."
+        "Fig. 6. Force against velocity in the three parts of the motion, five lessons a role, with the line of least "
+        "squares of each part and the lessons' mean correlation r. Below: the force of a held-out lesson, by one constant"
+        " damping D and by regression on a model of 5 states (both learned from the other four lessons; R^2 is the mean "
+        "over all five). Refuted if the lines of a role agree in all parts, or if D v follows the force as well."
     )
     with figures.taste():
-        figure = figures.blank(7.4, 4.9, caption=caption)
+        figure = figures.blank(7.4, 4.9, legend=[figures.line(label=n, **s) for n, s in DRAWN.items()], caption=caption)
         grid = figure.add_gridspec(2, 6)
         first: Any = None
         for n, part in enumerate(PARTS):
@@ -157,23 +159,23 @@ def _part(ax: Any, found: Numbers, n: int, title: str) -> None:
     figures.label(ax, UNITS["velocity"], UNITS["force"] if n == 0 else "", title.capitalize())
 
 
+DRAWN: Mapping[str, Mapping[str, Any]] = {
+    "felt": {"color": figures.ASH, "linewidth": 3.0},
+    "5 Gaussians, from position and velocity": {"color": figures.INK},
+    "constant damping": {"color": figures.CLAY, "linestyle": figures.DASHES[1]},
+}
+
+
 def _held_out(ax: Any, found: Numbers, role: str) -> None:
     lesson, fit = found.lessons[role][-1], found.fits[role][-1]
     time = np.arange(len(lesson)) * lesson.dt
     means = {n: float(np.mean([getattr(f, n) for f in found.fits[role]])) for n in ("r2_constant", "r2_regressed")}
-    ax.plot(time, lesson.force[:, 0], color=figures.ASH, linewidth=3.0, label="felt")
-    ax.plot(time, fit.regressed, color=figures.INK, label=f"5 Gaussians, $R^2$ = {means['r2_regressed']:.2f}")
-    ax.plot(
-        time,
-        fit.constant,
-        color=figures.CLAY,
-        linestyle=figures.DASHES[1],
-        label=f"{fit.damping:.0f} N s/m, $R^2$ = {means['r2_constant']:.2f}",
-    )
-    low, high = ax.get_ylim()
-    room = 0.45 * (high - low)
-    ax.set_ylim((low, high + room) if role == "follower" else (low - room, high))
-    ax.legend(loc="upper left" if role == "follower" else "lower left", ncols=3, columnspacing=1.0, handlelength=1.8, fontsize=7)
+    ax.plot(time, lesson.force[:, 0], **DRAWN["felt"])
+    ax.plot(time, fit.regressed, **DRAWN["5 Gaussians, from position and velocity"])
+    ax.plot(time, fit.constant, **DRAWN["constant damping"])
+    text = f"D = {fit.damping:+.0f} N s/m: $R^2$ = {means['r2_constant']:.2f}\n5 Gaussians: $R^2$ = {means['r2_regressed']:.2f}"
+    up = role == "follower"
+    ax.text(0.98, 0.97 if up else 0.03, text, transform=ax.transAxes, ha="right", va="top" if up else "bottom", fontsize=8)
     figures.label(ax, "time [s]", UNITS["force"], f"Robot {'follows' if role == 'follower' else 'leads'}, held-out lesson")
 
 
