@@ -36,6 +36,7 @@ class Habits:
     leading_arm: Arm = field(default_factory=lambda: Arm(120.0, 20.0))
     following_arm: Arm = field(default_factory=lambda: Arm(90.0, 22.0))
     yielding: Yielding = field(default_factory=Yielding)
+    teacher_dead_zone_n: float = 2.0  # F that a following teacher does not answer
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ def _lesson(
         arm = replace(dyad(rng, habits.leading_arm), carried_n=share * STANDARD_GRAVITY)
         partner = HumanLeader(Plan(lift, duration, onset, feedforward_kg=share), arm, rng=rng)
         teacher = SimulatedTeacher(
-            yielding=TeacherYielding(damping_ns_per_m=40.0 * scale * gain, dead_zone_n=2.0 * gain),
+            yielding=TeacherYielding(damping_ns_per_m=40.0 * scale * gain, dead_zone_n=habits.teacher_dead_zone_n * gain),
             hand=TeacherHand(stiffness_n_per_m=90.0),
             static_force=static,
             rng=rng,

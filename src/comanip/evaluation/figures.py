@@ -78,21 +78,27 @@ def taste() -> Iterator[None]:
         yield
 
 
-def blank(width_in: float, height_in: float, *, title: str = "", caption: str = "") -> Any:
-    """An empty Figure with room for its title and caption; call it inside `taste()` and add axes."""
+def blank(width_in: float, height_in: float, *, title: str = "", legend: Sequence[Any] = (), caption: str = "") -> Any:
+    """An empty Figure with room for title, legend (handles) and caption; call it inside `taste()` and add axes.
+
+    The legend stands above all panels, where it hides nothing and moves nothing.
+    """
     try:
         from matplotlib.figure import Figure
     except ImportError:
         raise ParameterError("drawing needs matplotlib: pip install 'comanip[plot]'") from None
     lines = textwrap.wrap(caption, int(width_in / _LETTER_IN)) if caption else []
     below = (len(lines) * _LINE_IN + 0.14) if lines else 0.0
-    above = 0.32 if title else 0.0
+    above = (0.32 if title else 0.0) + (0.26 if legend else 0.0)
     whole = height_in + below + above
     figure = Figure(figsize=(width_in, whole), layout="constrained")
     engine: Any = figure.get_layout_engine()
     engine.set(rect=(0.0, below / whole, 1.0, height_in / whole), w_pad=0.06, h_pad=0.05, wspace=0.03, hspace=0.03)
     if title:
         figure.text(0.06 / width_in, 1.0 - 0.09 / whole, title, fontsize=10.5, fontweight="bold", va="top")
+    if legend:
+        top = 1.0 - (0.34 if title else 0.04) / whole
+        figure.legend(handles=legend, loc="upper left", bbox_to_anchor=(0.0, top), ncols=len(legend), borderaxespad=0.0)
     if lines:
         figure.text(
             0.06 / width_in,
@@ -127,13 +133,12 @@ def demonstrations(lessons: Sequence[Demonstration]) -> Any:
         size = (7.2, 4.6) if square and with_force else (7.2, 2.6) if square else (2.7 * shape[1], 2.1 * shape[0])
         if square and not with_force:
             shape = (1, 2)
-        figure = blank(*size, caption=caption)
+        figure = blank(*size, legend=roles_legend([lesson.role for lesson in lessons]), caption=caption)
         grid = figure.subplots(*shape, squeeze=False)
         for i, name in enumerate(axes_names):
             row = grid.ravel() if square else grid[i]
             for panel, ax in zip(panels, row, strict=True):
                 _draw_lessons(ax, lessons, panel, i, "" if square else f" {name}")
-        _role_legend(grid.ravel()[0], [lesson.role for lesson in lessons])
     return figure
 
 
@@ -161,12 +166,10 @@ def _draw_lessons(ax: Any, lessons: Sequence[Demonstration], panel: str, i: int,
         label(ax, "time [s]", f"{panel}{axis} {unit}")
 
 
-def _role_legend(ax: Any, roles: Sequence[str]) -> None:
-    found = [r for r in dict.fromkeys(roles) if r]
-    if found:
-        names = {"leader": "robot leads", "follower": "robot follows"}
-        handles = [line(label=names.get(r, r), **ROLE_STYLE.get(r, ROLE_STYLE[""])) for r in found]
-        ax.legend(handles=handles, loc="best")
+def roles_legend(roles: Sequence[str]) -> list[Any]:
+    """Handles that name the roles among `roles`, each once."""
+    names = {"leader": "robot leads", "follower": "robot follows"}
+    return [line(label=names.get(r, r), **ROLE_STYLE.get(r, ROLE_STYLE[""])) for r in dict.fromkeys(roles) if r]
 
 
 def label(ax: Any, x: str, y: str, title: str = "") -> None:
@@ -202,7 +205,9 @@ def skills(named: Mapping[str, LearnedSkill]) -> Any:
         "back and forth along position."
     )
     with taste():
-        figure = blank(2.9 * len(planes) if len(planes) > 1 else 4.0, 2.8 * len(axes_names), caption=caption)
+        handles = [line(label=n, **styles[n]) for n in named]
+        width = 2.9 * len(planes) if len(planes) > 1 else 4.6
+        figure = blank(width, 2.8 * len(axes_names), legend=handles, caption=caption)
         grid = figure.subplots(len(axes_names), len(planes), squeeze=False)
         for i, axis in enumerate(axes_names):
             for (a, b), ax in zip(planes, grid[i], strict=True):
@@ -210,13 +215,7 @@ def skills(named: Mapping[str, LearnedSkill]) -> Any:
                     ellipses(ax, skill.model, f"{a}.{axis}", f"{b}.{axis}", **styles[name])
                 suffix = "" if len(axes_names) == 1 else f" {axis}"
                 label(ax, *(f"{g}{suffix} {u}" for g, u in ((a, _UNITS[a]), (b, _UNITS[b]))))
-        above(grid[0, 0], [line(label=n, **styles[n]) for n in named])
     return figure
-
-
-def above(ax: Any, handles: Sequence[Any], columns: int = 4) -> None:
-    """A legend over the panel, where it hides nothing."""
-    ax.legend(handles=handles, loc="lower left", bbox_to_anchor=(-0.02, 1.0), ncols=columns, borderaxespad=0.2)
 
 
 _UNITS = {"position": "[m]", "velocity": "[m/s]", "force": "F [N]"}

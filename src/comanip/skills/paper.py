@@ -31,7 +31,8 @@ class PaperLaw:
     attraction_per_s  lambda_max = kappa^P_max / kappa^V [1/s]. The paper's kappa^P_max = 0.08 is PER STEP of 0.01 s, i.e.
                       800 1/s^2 against kappa^V = 100 1/s: lambda_max = 8 1/s, which has the same meaning at any rate
     velocity_gain_per_s   kappa^V [1/s]; None is 1/dt (eq. 9), and 1/(period of the lessons) for the exact integrator
-    gain              "likelihood" eq. (9), or "constant" (always lambda_max)
+    gain              "likelihood" eq. (9), "confidence" (what the text below eq. (9) describes: none within a state, all of it
+                      from three standard deviations on), or "constant" (always lambda_max)
     target_position   what x_hat of eq. (6) is regressed from: "measured" velocity (paper), "predicted" velocity v_hat, which
                       opens the loop velocity -> x_hat -> velocity, or "force" alone
     bounded           True: what goes into the regressions, and what comes out, is held within the taught range (three standard
@@ -54,7 +55,7 @@ class PaperLaw:
     def __post_init__(self) -> None:
         choices = {
             "weights": ("hmm", "mixture"),
-            "gain": ("likelihood", "constant"),
+            "gain": ("likelihood", "confidence", "constant"),
             "target_position": ("measured", "predicted", "force"),
             "integrator": ("euler", "exact"),
         }
@@ -89,6 +90,23 @@ class PositionGain:
         return float(min(max((self._top - closest) / span, 0.0), 1.0)) if span > 0.0 else 0.0
 
 
+class ConfidenceGain:
+    """Share of kappa^P_max in [0, 1]: squared distance to the closest state, full from `deviations` standard deviations on.
+
+    Eq. (9) divides by the lowest value anywhere in W, thousands of times what a hand near the task ever meets, so its gain is
+    nearly zero there, and SMALLER the more consistent the lessons are. The text asks for the opposite (docs/figures.md).
+    """
+
+    def __init__(self, model: Hmm, deviations: float = 3.0) -> None:
+        columns = [i for i, c in enumerate(model.channels) if c.startswith("position.")]
+        self._means, covariances = marginal(model.means, model.covariances, columns)
+        self._precision = np.linalg.inv(covariances) / deviations**2
+
+    def __call__(self, x: Array) -> float:
+        apart = x - self._means
+        return float(min(np.einsum("ki,kij,kj->k", apart, self._precision, apart).min(), 1.0))
+
+
 class PaperSkill:
     """Runs a model by eqs. (4)-(10) at any control period.
 
@@ -119,7 +137,7 @@ class PaperSkill:
         self._position_from = Regression(model, backwards, "position")  # eq. (6)
         self._blind = Regression(model, "position", "velocity")  # eq. (5) while the force is missing
         self._filter = ForwardFilter(model, law.weight_channels or None, transition_floor=law.transition_floor, gate=law.gate)
-        self._gain = PositionGain(model, workspace)
+        self._gain = ConfidenceGain(model) if law.gain == "confidence" else PositionGain(model, workspace)
         d, k = len(axes), model.n_states
         self._groups = {"position": np.zeros(d), "force": np.zeros(d), "velocity": np.zeros(d)}
         self._sources = [(g, axes.index(a)) for g, a in (c.split(".", 1) for c in self._filter.channels)]
@@ -215,7 +233,7 @@ class PaperSkill:
 
     def _attraction(self, x: Array, kappa_v: float) -> float:
         """kappa^P of eq. (9) [1/s^2]."""
-        share = self._gain(x) if self.law.gain == "likelihood" else 1.0
+        share = 1.0 if self.law.gain == "constant" else self._gain(x)
         self._kappa_p[0] = kappa_v * self.law.attraction_per_s * share
         return float(self._kappa_p[0])
 

@@ -1,0 +1,26 @@
+"""The two readings of the paper's law that the figures compare, and how a figure is run as a script."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from comanip.evaluation.claims import Claim
+from comanip.skills.paper import PaperLaw
+
+# eqs. (4)-(10) to the letter: weights from all of xi, x_hat from the measured velocity, kappa^P of eq. (9)
+LETTER = PaperLaw()
+
+# What the text around them describes. Three departures, each argued in docs/figures.md: weights that do not listen to the model's
+# own velocity, x_hat from v_hat instead of the measured velocity, and a pull that is felt three standard deviations away
+READING = PaperLaw(weight_channels=("position",), target_position="predicted", gain="confidence")
+
+
+def script(run: Callable[..., Sequence[Claim]]) -> None:
+    """`python experiments/figure_N.py [folder]`: draws there and prints the claims."""
+    import sys
+
+    out = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("out/figures")
+    for claim in run(out, seed=0):
+        print(f"{'pass' if claim.passed else 'FAIL'}  {claim.text}: {claim.measured:.4g} ({claim.bound})")
+    print(f"pictures in {out}")
