@@ -37,23 +37,23 @@ ROLES = ("leader", "follower")
 class CollaborativeLaw:
     """Numbers of the law. Defaults were chosen on partners drawn for tuning, never on those that results are reported on."""
 
-    virtual_mass_kg: float = 4.0
+    virtual_mass_kg: float = 3.0
     moving_damping_ns_per_m: float = 3.0
-    resting_damping_ns_per_m: float = 60.0
+    resting_damping_ns_per_m: float = 80.0
     moving_speed_m_per_s: float = 0.05  # from here on the hand counts as fully in motion
-    dead_zone_n: float = 0.3  # at rest only
-    anticipation: float = 0.5  # share of the foreseen acceleration that the follower adds by itself
+    dead_zone_n: float = 0.4  # at rest only
+    anticipation: float = 0.3  # share of the foreseen acceleration that the follower adds by itself
     anticipation_s: float = 0.05
     attraction_per_s: float = 2.0  # lambda, leader
     start_delay_s: float = 0.5  # leader: stands still this long before it starts
-    yield_n: float = 3.0  # leader: resistance beyond the expected that starts to slow its clock
-    yield_gain_per_n: float = 0.1
-    slowest_clock: float = 0.2
-    patience_s: float = 0.15  # how long resistance must last to count
+    yield_n: float = -1.0  # leader: resistance beyond the expected that starts to slow its clock; negative: already before it
+    yield_gain_per_n: float = 0.2
+    slowest_clock: float = 0.3
+    patience_s: float = 0.3  # how long resistance must last to count
     reach_m: float = 0.10  # starts farther than this outside the taught positions: comply only
     max_acceleration_m_per_s2: float = 5.0
     shake_hz: float = 2.5  # faster than people move a load together: what oscillates above is instability or shaking
-    shake_n: float = 0.7  # amplitude from which it is damped
+    shake_n: float = 1.0  # amplitude from which it is damped
     shake_damping_ns_per_m_per_n: float = 20.0
     lead_s: float = 0.02  # the robot's actuator lag, anticipated in the command
 
@@ -66,7 +66,7 @@ class CollaborativeLaw:
             raise ParameterError(f"law 'default' has no setting {unknown[0]!r}; it has: {', '.join(known)}")
         law = CollaborativeLaw()
         if role == "leader":
-            law = replace(law, moving_damping_ns_per_m=30.0, resting_damping_ns_per_m=80.0, dead_zone_n=0.5)
+            law = replace(law, virtual_mass_kg=4.0, moving_damping_ns_per_m=30.0, dead_zone_n=0.5)
         return replace(law, **settings)
 
 
@@ -89,6 +89,7 @@ class CollaborativeSkill:
         dt: float,
         model_dt: float,
         law: CollaborativeLaw | None = None,
+        reference: PhaseReference | None = None,
     ) -> None:
         if role not in ROLES:
             raise MismatchError(
@@ -97,7 +98,7 @@ class CollaborativeSkill:
         if clock is None:
             raise MismatchError("the default law needs states in order of time: learn with topology left-right")
         self.role, self.law = role, law or CollaborativeLaw.for_role(role)
-        self.reference = PhaseReference(clock, axes)
+        self.reference = reference or PhaseReference.learned(clock)
         self._dt, self._model_dt = dt, model_dt
         d = len(axes)
         wanted = [g for g in ("position", "force") if any(c.startswith(g + ".") for c in model.channels)]
