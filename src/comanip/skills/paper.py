@@ -7,7 +7,7 @@ docs/laws.md. With a living partner the literal law fails (docs/results.md); it 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -20,6 +20,7 @@ from ..models.filtering import ForwardFilter
 from ..models.gaussian import log_density, marginal, normalised
 from ..models.gmr import Regression
 from ..models.hmm import Hmm
+from ..recording import expand
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,8 @@ class PaperLaw:
     target_position: str = "measured"
     integrator: str = "euler"
     bounded: bool = False
+    weight_noise: Mapping[str, float] = field(default_factory=dict)
+    input_noise: Mapping[str, float] = field(default_factory=dict)
     transition_floor: float = 0.0
     gate: float = float("inf")
 
@@ -133,10 +136,13 @@ class PaperSkill:
         inputs = ("position", "force") if self._has_force else ("position",)
         back = {"measured": ("force", "velocity"), "predicted": ("force", "velocity"), "force": ("force",)}
         backwards = back[law.target_position] if self._has_force else ("velocity",)
-        self._velocity_from = Regression(model, inputs, "velocity")  # eq. (5)
+        noise = {n: v for n, v in law.input_noise.items() if n in inputs}
+        self._velocity_from = Regression(model, inputs, "velocity", input_noise=noise)  # eq. (5)
         self._position_from = Regression(model, backwards, "position")  # eq. (6)
         self._blind = Regression(model, "position", "velocity")  # eq. (5) while the force is missing
-        self._filter = ForwardFilter(model, law.weight_channels or None, transition_floor=law.transition_floor, gate=law.gate)
+        self._filter = ForwardFilter(
+            blurred(model, law.weight_noise), law.weight_channels or None, transition_floor=law.transition_floor, gate=law.gate
+        )
         self._gain = ConfidenceGain(model) if law.gain == "confidence" else PositionGain(model, workspace)
         d, k = len(axes), model.n_states
         self._groups = {"position": np.zeros(d), "force": np.zeros(d), "velocity": np.zeros(d)}
@@ -242,6 +248,17 @@ class PaperSkill:
         one = second_order_step(kappa_p, kappa_v, duration)
         drive = self._v_hat * kappa_v + (self._x_hat - x) * kappa_p
         return x + one.yv * dx + one.yu * drive, one.vv * dx + one.vu * drive
+
+
+def blurred(model: Hmm, noise: Mapping[str, float]) -> Hmm:
+    """The model as seen through doubt in its channels: `noise` is a variance to add, by name (squared unit)."""
+    if not noise:
+        return model
+    added = np.zeros(model.n_channels)
+    for name, variance in noise.items():
+        for channel in expand(name, model.channels):
+            added[model.channels.index(channel)] = variance
+    return replace(model, covariances=model.covariances + np.diag(added))
 
 
 def taught_range(model: Hmm, channels: Iterable[str]) -> tuple[Array, Array]:
