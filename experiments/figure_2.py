@@ -39,7 +39,7 @@ class Numbers(NamedTuple):
     drawn: dict[float, Array]  # outputs of draws from TRUTH whose input is close to each asked position
 
 
-def numbers(seed: int, *, n_data: int = 400, n_draws: int = 2_000_000) -> Numbers:
+def numbers(seed: int, *, n_data: int = 400, n_draws: int = 1_000_000) -> Numbers:
     rng = np.random.default_rng([seed, 2])
     data = _draw(rng, n_data)
     one = fit_gmm(np.split(data, 2), 1, channels=CHANNELS).model
@@ -111,7 +111,7 @@ def _widest_state() -> float:
 def draw(found: Numbers) -> Any:
     caption = (
         "Fig. 2. Left: data, states (2 standard deviations) and the regression with its band of 2 standard deviations. "
-        "Right: the output's density at three inputs; areas are 2 million draws of the true density, lines the Gaussian "
+        "Right: the output's density at three inputs; areas are 1 million draws of the true density, lines the Gaussian "
         "that the regression gives for the model behind the draws. Refuted if the upper line is not least squares, or if "
         "a lower line's mean or width differs from its area's."
     )
@@ -140,7 +140,7 @@ def _joint(ax: Any, found: Numbers, model: Gmm, title: str) -> None:
     ax.set_xlim(0.0, 0.3)
     ax.set_ylim(-0.02, 0.34)
     figures.label(ax, "input: position x [m]", "output: velocity dx [m/s]", title)
-    ax.legend(loc="lower right")
+    ax.legend(loc="lower right", frameon=True, framealpha=1.0, edgecolor="none")
 
 
 def _conditional(ax: Any, found: Numbers, *, one: bool) -> None:

@@ -221,10 +221,10 @@ TIMING_STYLE: Mapping[str, Mapping[str, Any]] = {
 def draw(found: Numbers) -> Any:
     caption = (
         "Fig. 7. The force of a follower lesson that nobody learned from, replayed with four timings. Columns: our "
-        "reading of the law, and the letter. Bottom left: the late partner again; lessons of a teacher who answers only 6"
-        " N against lessons of one who answers 2 N. Bottom right: a leader from other starts under the held-out lesson's "
-        "force; band: heights that were taught. Refuted if the hand moves during the steady 4 N (shaded), if it does not "
-        "lift afterwards, or if a leader's lift ends elsewhere."
+        "reading of the law, and the letter; a line that leaves a panel has run away. Bottom left: the late partner "
+        "again; lessons of a teacher who answers only 6 N against lessons of one who answers 2 N. Bottom right: a leader "
+        "from other starts under the held-out lesson's force; band: heights that were taught. Refuted if the hand moves "
+        "during the steady 4 N (shaded), if it does not lift afterwards, or if a leader's lift ends elsewhere."
     )
     with figures.taste():
         figure = figures.blank(7.4, 8.2, legend=[figures.line(label=n, **TIMING_STYLE[n]) for n in TIMINGS], caption=caption)
