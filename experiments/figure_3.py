@@ -4,7 +4,7 @@ Claims of the paper: the velocity term follows the learned motion but strays fro
 the taught path and does not go along it; both together do what neither does. Refuted by a run that does not end where the
 lessons end, by a velocity term that needs no help, or by a position term that goes along the path.
 
-To the letter (weights from all of xi, eq. (9)) the law locks itself into its first state; the picture shows it beside the
+To the letter (weights from all of xi, eq. (9)) the law locks itself into one state or runs away; the picture shows it beside the
 reading.
 """
 
