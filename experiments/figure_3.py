@@ -118,8 +118,8 @@ def claims(found: Numbers) -> list[Claim]:
 def draw(found: Numbers) -> Any:
     caption = (
         f"Fig. 3. {len(found.lessons)} lessons (grey) of a handwriting-like motion, 8 states, position and velocity only. "
-        "Ellipses: 2 standard deviations. Points: new starts; bold: runs of 3 s from there. Fields: what the terms of eq."
-        " (8) ask for at rest, weights from position. To the letter: weights from position and velocity, gain of eq. (9)."
+        "Ellipses: 2 standard deviations. Points: new starts; bold: runs of 3 s from there. Arrows: where the terms of eq."
+        " (8) point from rest, weights from position. To the letter: weights from position and velocity, gain of eq. (9)."
         " Refuted if 'both' misses the end, if 'velocity' needs no help, or if 'position' moves along the path."
     )
     with figures.taste():
