@@ -7,6 +7,36 @@ __version__ = "0.1.0"
 
 # public name -> module, imported when first asked for, so that `import comanip` stays fast
 _PUBLIC = {
+    "Recording": "comanip.recording",
+    "Channel": "comanip.recording",
+    "read": "comanip.formats",
+    "write": "comanip.formats",
+    "Columns": "comanip.formats.columns",
+    "Demonstration": "comanip.demonstration",
+    "demonstrations": "comanip.demonstration",
+    "interaction_force": "comanip.interaction",
+    "identify_payload": "comanip.interaction",
+    "Payload": "comanip.interaction",
+    "CausalInteractionForce": "comanip.interaction",
+    "TaringInteractionForce": "comanip.interaction",
+    "LearnedSkill": "comanip.learned",
+    "learn": "comanip.learned",
+    "make_skill": "comanip.reproduction",
+    "save_skill": "comanip.skill_file",
+    "load_skill": "comanip.skill_file",
+    "PaperLaw": "comanip.skills.paper",
+    "PaperSkill": "comanip.skills.paper",
+    "CollaborativeLaw": "comanip.skills.collaborate",
+    "CollaborativeSkill": "comanip.skills.collaborate",
+    "MassDamper": "comanip.skills.baselines",
+    "Teleoperation": "comanip.skills.teleoperation",
+    "Beam": "comanip.plants.beam",
+    "BeamPlant": "comanip.plants.beam",
+    "ReplayPlant": "comanip.plants.replay",
+    "HumanLeader": "comanip.plants.partners",
+    "HumanFollower": "comanip.plants.partners",
+    "teach": "comanip.teaching",
+    "run": "comanip.loop",
     "Hmm": "comanip.models.hmm",
     "fit_hmm": "comanip.models.hmm",
     "Gmm": "comanip.models.gmm",
@@ -30,7 +60,7 @@ def __getattr__(name: str) -> Any:
         module = _PUBLIC[name]
     except KeyError:
         raise AttributeError(f"module 'comanip' has no attribute {name!r}; it has: {', '.join(_PUBLIC)}") from None
-    return getattr(import_module(module), name)
+    return getattr(import_module(module), {"save_skill": "save", "load_skill": "load"}.get(name, name))
 
 
 def __dir__() -> list[str]:

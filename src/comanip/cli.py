@@ -1,7 +1,7 @@
 """The command line: the only place where parts are chosen by name.
 
-Results go to standard output (with --json as one JSON document), progress and warnings to standard error. Exit code 2 and one line
-for input that cannot be used.
+Results go to standard output (with --json as one JSON document), progress and warnings to standard error. Exit code 2 and one
+line for input that cannot be used.
 """
 
 from __future__ import annotations
@@ -179,7 +179,9 @@ def trial(
     partners: int = 200,
     seed: int = 7,
     plant: Plant = "beam",
-    law: Annotated[list[str], Parameter(name="--law", help="default, paper or mass-damper; may be repeated.")] = ["default"],  # noqa: B006
+    law: Annotated[list[str], Parameter(name="--law", help="default, paper, mass-damper, minimum-jerk; may be repeated.")] = [
+        "default"
+    ],
     skill: Annotated[list[Path], Parameter(name="--skill", help="Skill files; default: learned now from 5 lessons a role.")] = [],  # noqa: B006
     workers: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 0,
     json: Json = False,

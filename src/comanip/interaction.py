@@ -207,9 +207,9 @@ class TaringInteractionForce:
     """`CausalInteractionForce` that weighs the object first (the paper's footnote 2, on line).
 
     For the first `tare_s` of a run, while the hand rests and both partners hold, it averages F_s and reports F = 0. The part
-    along gravity becomes the mass, the rest a bias; so at rest F starts from zero whatever the object weighs and the sensor is off by.
-    (A bias along gravity is taken for mass: 1 N looks like 0.2 kg at a share of 1/2.) Motion or a force that is not finite ends
-    the tare early; with less than 3 good ticks the stated mass is used. `payload_kg` is what it found.
+    along gravity becomes the mass, the rest a bias; so at rest F starts from zero whatever the object weighs and however far
+    the sensor is off. (A bias along gravity is taken for mass: 1 N looks like 0.2 kg at a share of 1/2.) Motion or a force that
+    is not finite ends the tare early; with less than 3 good ticks the stated mass is used. `payload_kg` is what it found.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """Partners a skill has never met, drawn wider than the lessons, and the judgement of what happened with them.
 
-The distribution and the criteria are stated here once and used by `comanip demo`, `comanip trial` and the tests. Every claim about
-collaboration is measured this way: in closed loop, with a living partner.
+The distribution and the criteria are stated here once and used by `comanip demo`, `comanip trial` and the tests. Every claim
+about collaboration is measured this way: in closed loop, with a living partner.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from .plants.partners import Arm, HumanFollower, HumanLeader, Plan, Unsteadiness
 from .recording import Recording
 from .reproduction import make_skill
 from .skills.baselines import MassDamper
+from .skills.collaborate import CollaborativeLaw, CollaborativeSkill
+from .skills.reference import PhaseReference
 
 HAND_KG = 1.0  # effective mass of a hand in a lift, for the damping ratio
 FORCE_CUTOFF_HZ = 15.0  # on line; see CausalInteractionForce
@@ -222,7 +224,8 @@ def run_cases(
 ) -> list[Verdict]:
     """One verdict a case, in order, by any number of processes (0: one a core): the same numbers for the same cases.
 
-    law   "default", "paper", or the baseline "mass-damper", which learned nothing
+    law   "default", "paper", or a baseline: "mass-damper", which learned nothing, or "minimum-jerk", which knows only start, end and
+          duration of the lessons and has the default law's compliance
     """
     from joblib import Parallel, cpu_count, delayed
 
@@ -245,7 +248,23 @@ def _one_verdict(case: Case, learned: LearnedSkill, law: str, dt: float) -> Verd
     skill: Skill
     if law == "mass-damper":
         skill = MassDamper(n_axes=len(axes), dt=dt)
+    elif law == "minimum-jerk":
+        skill = _minimum_jerk(case.role, learned, dt)
     else:
         skill = make_skill(learned, axes=axes, dt=dt, law=law, role=case.role)
     with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
         return judge(case, run_case(case, skill, dt=dt), taught_ends_m=learned.ends)
+
+
+def _minimum_jerk(role: str, learned: LearnedSkill, dt: float) -> Skill:
+    assert learned.clock is not None
+    return CollaborativeSkill(
+        learned.model,
+        learned.clock,
+        role=role,
+        axes=learned.axes,
+        dt=dt,
+        model_dt=learned.dt,
+        law=CollaborativeLaw.for_role(role, yield_gain_per_n=0.0),
+        reference=PhaseReference.minimum_jerk(PhaseReference.learned(learned.clock)),
+    )

@@ -103,7 +103,7 @@ def classify(files: Sequence[Path], skills: Sequence[Path], data: DataFlags, jso
     learned = [skill_file.load(path) for path in skills]
     lessons = read_each(files, _at_rate(data, learned[0]))
     names = [str(path) for path in skills]
-    found = [
+    found: list[dict[str, Any]] = [
         {"name": lesson.name, "posterior": dict(zip(names, prediction.classify(learned, lesson).tolist(), strict=True))}
         for lesson in lessons
     ]

@@ -26,6 +26,7 @@ from .console import print_json, progress, table
 from .reading import read_lessons
 
 LESSON_RATE_HZ = 100.0
+TRIAL_LAWS = ("default", "paper", "mass-damper", "minimum-jerk")
 
 
 def teach(role: str, lessons: int, seed: int, plant: str, out: Path, json: bool) -> None:
@@ -129,6 +130,8 @@ def trial(
     json: bool,
 ) -> None:
     given = {learned.role: learned for learned in map(skill_file.load, files)}
+    if unknown := sorted(set(laws) - set(TRIAL_LAWS)):
+        raise ParameterError(f"law {unknown[0]!r} is unknown; there are: {', '.join(TRIAL_LAWS)}")
     results: dict[str, dict[str, Any]] = {}
     for role in roles:
         learned = given.get(role) or taught(role, seed=0)

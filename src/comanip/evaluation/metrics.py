@@ -23,7 +23,7 @@ def energy_exchanged(force: Array, velocity: Array, dt: float) -> float:
 
 
 def internal_force(first: Array, second: Array) -> Array:
-    """Part of two opposed forces on one object that moves nothing (Groten et al. 2009): the smaller of them, signed as `first`."""
+    """Part of two opposed forces that moves nothing (Groten et al. 2009): the smaller of them, signed as `first`."""
     first, second = np.asarray(first), np.asarray(second)
     opposed = np.sign(first) != np.sign(second)
     return np.where(opposed, np.sign(first) * np.minimum(np.abs(first), np.abs(second)), 0.0)

@@ -24,7 +24,17 @@ from ..models.hmm import log_likelihood
 from ..plants.replay import ReplayPlant
 from ..skills.paper import PaperLaw, PaperSkill, law_from, taught_range
 
-FREE_RUN = PaperLaw(weight_channels=("position", "force"), attraction_per_s=1.0, gain="constant", target_position="predicted")
+# chosen on simulated lessons of three kinds (follower, leader, hand-guided admittance), ten sets, leave-one-out; docs/results.md
+FREE_RUN = PaperLaw(
+    weight_channels=("position", "force"),
+    attraction_per_s=1.0,
+    gain="constant",
+    target_position="force",
+    bounded=True,
+    integrator="exact",
+    transition_floor=1e-6,
+    gate=20.0,
+)
 
 
 class Prediction(NamedTuple):

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import exp, pi
 from typing import Any
 
 import numpy as np
@@ -36,21 +37,25 @@ ROLES = ("leader", "follower")
 class CollaborativeLaw:
     """Numbers of the law. Defaults were chosen on partners drawn for tuning, never on those that results are reported on."""
 
-    virtual_mass_kg: float = 4.0
+    virtual_mass_kg: float = 3.0
     moving_damping_ns_per_m: float = 3.0
-    resting_damping_ns_per_m: float = 60.0
+    resting_damping_ns_per_m: float = 80.0
     moving_speed_m_per_s: float = 0.05  # from here on the hand counts as fully in motion
-    dead_zone_n: float = 0.3  # at rest only
-    anticipation: float = 0.5  # share of the foreseen acceleration that the follower adds by itself
+    dead_zone_n: float = 0.4  # at rest only
+    anticipation: float = 0.3  # share of the foreseen acceleration that the follower adds by itself
     anticipation_s: float = 0.05
     attraction_per_s: float = 2.0  # lambda, leader
     start_delay_s: float = 0.5  # leader: stands still this long before it starts
-    yield_n: float = 3.0  # leader: resistance beyond the expected that starts to slow its clock
-    yield_gain_per_n: float = 0.1
-    slowest_clock: float = 0.2
-    patience_s: float = 0.15  # how long resistance must last to count
+    yield_n: float = -1.0  # leader: resistance beyond the expected that starts to slow its clock; negative: already before it
+    yield_gain_per_n: float = 0.2
+    slowest_clock: float = 0.3
+    patience_s: float = 0.3  # how long resistance must last to count
     reach_m: float = 0.10  # starts farther than this outside the taught positions: comply only
     max_acceleration_m_per_s2: float = 5.0
+    shake_hz: float = 2.5  # faster than people move a load together: what oscillates above is instability or shaking
+    shake_n: float = 1.0  # amplitude from which it is damped
+    shake_damping_ns_per_m_per_n: float = 20.0
+    lead_s: float = 0.02  # the robot's actuator lag, anticipated in the command
 
     @staticmethod
     def for_role(role: str, **settings: Any) -> CollaborativeLaw:
@@ -61,7 +66,7 @@ class CollaborativeLaw:
             raise ParameterError(f"law 'default' has no setting {unknown[0]!r}; it has: {', '.join(known)}")
         law = CollaborativeLaw()
         if role == "leader":
-            law = replace(law, moving_damping_ns_per_m=30.0, resting_damping_ns_per_m=80.0, dead_zone_n=0.5)
+            law = replace(law, virtual_mass_kg=4.0, moving_damping_ns_per_m=30.0, dead_zone_n=0.5)
         return replace(law, **settings)
 
 
@@ -84,6 +89,7 @@ class CollaborativeSkill:
         dt: float,
         model_dt: float,
         law: CollaborativeLaw | None = None,
+        reference: PhaseReference | None = None,
     ) -> None:
         if role not in ROLES:
             raise MismatchError(
@@ -92,7 +98,7 @@ class CollaborativeSkill:
         if clock is None:
             raise MismatchError("the default law needs states in order of time: learn with topology left-right")
         self.role, self.law = role, law or CollaborativeLaw.for_role(role)
-        self.reference = PhaseReference(clock, axes)
+        self.reference = reference or PhaseReference.learned(clock)
         self._dt, self._model_dt = dt, model_dt
         d = len(axes)
         wanted = [g for g in ("position", "force") if any(c.startswith(g + ".") for c in model.channels)]
@@ -102,7 +108,7 @@ class CollaborativeSkill:
         self._h = np.zeros(model.n_states)
         self._phase, self._rate = np.zeros(1), np.zeros(1)
         self._expected, self._compliance = np.zeros(d), np.zeros(d)
-        self._velocity, self._position, self._force = np.zeros(d), np.zeros(d), np.zeros(d)
+        self._velocity, self._position, self._slow = np.zeros(d), np.zeros(d), np.zeros(d)
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
@@ -120,8 +126,9 @@ class CollaborativeSkill:
         self._h[:] = self._filter.weights
         self._position[:] = np.nan_to_num(obs.position)
         self._start = self._position.copy()
-        for array in (self._velocity, self._force, self._compliance, self._expected):
+        for array in (self._velocity, self._slow, self._compliance, self._expected):
             array[:] = 0.0
+        self._shake = 0.0
         self._resistance = 0.0
         self._phase[0] = -self.law.start_delay_s if self.role == "leader" else 0.0
         self._rate[0] = 0.0
@@ -146,7 +153,7 @@ class CollaborativeSkill:
         limit = self.law.max_acceleration_m_per_s2 * self._dt
         change = np.clip(reference + self._compliance - self._velocity, -limit, limit)
         self._velocity += change
-        command.velocity[:] = self._velocity
+        command.velocity[:] = self._velocity + self.law.lead_s / self._dt * change
         command.position[:] = x + self._dt * self._velocity
         command.acceleration[:] = change / self._dt
 
@@ -156,10 +163,23 @@ class CollaborativeSkill:
         speed = max(float(np.abs(self._compliance).max()), float(np.abs(reference).max()))
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest**2 * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
+        damping += self._against_shaking(excess)
         dead = law.dead_zone_n * rest
         push = np.sign(excess) * np.maximum(np.abs(excess) - dead, 0.0)
         share = self._dt / law.virtual_mass_kg
         self._compliance[:] = (self._compliance + share * push + self._dt * feedforward) / (1.0 + share * damping)
+
+    def _against_shaking(self, excess: Array) -> float:
+        """Damping [N s/m] to add while force oscillates faster than people lift together.
+
+        Around a partner of stiffness K and damping B, a delay tau takes tau K from the loop's damping, whatever the virtual mass:
+        stable if B + D > tau K. So a stiff partner needs D, and only he does.
+        """
+        law = self.law
+        self._slow += (1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)) * (excess - self._slow)
+        fast = float(np.abs(excess - self._slow).max())
+        self._shake += min(self._dt / 0.3, 1.0) * (fast - self._shake)
+        return law.shake_damping_ns_per_m_per_n * max(1.57 * self._shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
 
     def _lead(self, x: Array, force: Array) -> Array:
         """Advances the clock and gives s' v_r + lambda (x_r - x)."""
@@ -203,8 +223,8 @@ class CollaborativeSkill:
 
     def _weigh(self, x: Array, force: Array) -> None:
         """Eq. (4) from position and force on the model's own clock: which state of the task this is."""
-        self._until_filter -= self._dt
         while self._until_filter <= 1e-9:
             self._until_filter += self._model_dt
             n = len(self._filter.channels)
             self._h[:] = self._filter.step(np.concatenate([x, force])[:n])
+        self._until_filter -= self._dt

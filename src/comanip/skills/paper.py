@@ -30,14 +30,15 @@ class PaperLaw:
     weight_channels   which channels enter the weights; () is all, the paper's
     attraction_per_s  lambda_max = kappa^P_max / kappa^V [1/s]. The paper's kappa^P_max = 0.08 is PER STEP of 0.01 s, i.e.
                       800 1/s^2 against kappa^V = 100 1/s: lambda_max = 8 1/s, which has the same meaning at any rate
-    velocity_gain_per_s   kappa^V [1/s]; None is 1/dt (eq. 9)
+    velocity_gain_per_s   kappa^V [1/s]; None is 1/dt (eq. 9), and 1/(period of the lessons) for the exact integrator
     gain              "likelihood" eq. (9), "confidence" (what the text below eq. (9) describes: none within a state, all of it
                       from three standard deviations on), or "constant" (always lambda_max)
     target_position   what x_hat of eq. (6) is regressed from: "measured" velocity (paper), "predicted" velocity v_hat, which
                       opens the loop velocity -> x_hat -> velocity, or "force" alone
     bounded           True: what goes into the regressions, and what comes out, is held within the taught range (three standard
                       deviations beyond the outermost states). A regression is a line and goes on for ever; a task does not
-    integrator        "euler" eq. (10) or "exact" (the linear ODE of eq. (8), targets held over the step)
+    transition_floor, gate   the filter's guards (see ForwardFilter); off, as printed. Free runs and robots want 1e-6 and 20
+    integrator        "euler" eq. (10), or "exact": the linear ODE of eq. (8) solved, one motion at any control period
     """
 
     weights: str = "hmm"
@@ -48,7 +49,8 @@ class PaperLaw:
     target_position: str = "measured"
     integrator: str = "euler"
     bounded: bool = False
-    transition_floor: float = 1e-6
+    transition_floor: float = 0.0
+    gate: float = float("inf")
 
     def __post_init__(self) -> None:
         choices = {
@@ -134,7 +136,7 @@ class PaperSkill:
         self._velocity_from = Regression(model, inputs, "velocity")  # eq. (5)
         self._position_from = Regression(model, backwards, "position")  # eq. (6)
         self._blind = Regression(model, "position", "velocity")  # eq. (5) while the force is missing
-        self._filter = ForwardFilter(model, law.weight_channels or None, transition_floor=law.transition_floor)
+        self._filter = ForwardFilter(model, law.weight_channels or None, transition_floor=law.transition_floor, gate=law.gate)
         self._gain = ConfidenceGain(model) if law.gain == "confidence" else PositionGain(model, workspace)
         d, k = len(axes), model.n_states
         self._groups = {"position": np.zeros(d), "force": np.zeros(d), "velocity": np.zeros(d)}
@@ -165,31 +167,19 @@ class PaperSkill:
         self._position[:] = np.nan_to_num(obs.position)
         self._velocity[:] = 0.0
         self._force = np.zeros_like(self._position)
+        self._before: Array | None = None  # force of the last tick
 
     def step(self, obs: Observation, command: Command) -> None:
         x = np.where(np.isfinite(obs.position), obs.position, self._position)
         dx = np.where(np.isfinite(obs.velocity), obs.velocity, self._velocity)
         self._weigh(x, obs.force, dx)
         felt = self._has_force and bool(np.isfinite(obs.force).all())
-        near = np.clip(x, *self._range["position"])
-        if felt:
-            self._force = np.clip(obs.force, *self._range["force"])
-            self._velocity_from.mean(self._h, np.concatenate([near, self._force]), out=self._v_hat)
-        else:
-            self._blind.mean(self._h, near, out=self._v_hat)
-        np.clip(self._v_hat, *self._range["velocity"], out=self._v_hat)
-        self._position_from.mean(self._h, self._backward_inputs(dx), out=self._x_hat)
-        np.clip(self._x_hat, *self._range["position"], out=self._x_hat)
-        kappa_v = self.law.velocity_gain_per_s or 1.0 / self._dt
-        share = 1.0 if self.law.gain == "constant" else self._gain(x)
-        self._kappa_p[0] = kappa_v * self.law.attraction_per_s * share
-        self._integrate(x, dx, kappa_v, float(self._kappa_p[0]))
+        self._integrate(x, dx, obs.force if felt else None)
         command.position[:], command.velocity[:] = self._position, self._velocity
         command.acceleration[:] = (self._velocity - dx) / self._dt
 
     def _weigh(self, x: Array, force: Array, dx: Array) -> None:
         """Eq. (4) or (7), on the model's own clock."""
-        self._until_filter -= self._dt
         groups = {"position": x, "force": force, "velocity": dx}
         while self._until_filter <= 1e-9:
             self._until_filter += self._model_dt
@@ -199,6 +189,19 @@ class PaperSkill:
                 self._h[:] = self._filter.step(self._xi)
             else:
                 self._h[:] = normalised(log_density(self._xi[None], *self._marginal))[0]
+        self._until_filter -= self._dt
+
+    def _regress(self, x: Array, dx: Array, force: Array | None) -> None:
+        """Eqs. (5) and (6) with the present weights; without force, velocity from position alone."""
+        near = np.clip(x, *self._range["position"])
+        if force is not None:
+            self._force = np.clip(force, *self._range["force"])
+            self._velocity_from.mean(self._h, np.concatenate([near, self._force]), out=self._v_hat)
+        else:
+            self._blind.mean(self._h, near, out=self._v_hat)
+        np.clip(self._v_hat, *self._range["velocity"], out=self._v_hat)
+        self._position_from.mean(self._h, self._backward_inputs(dx), out=self._x_hat)
+        np.clip(self._x_hat, *self._range["position"], out=self._x_hat)
 
     def _backward_inputs(self, dx: Array) -> Array:
         v = self._v_hat if self.law.target_position == "predicted" else dx
@@ -206,17 +209,39 @@ class PaperSkill:
             return v
         return self._force if self.law.target_position == "force" else np.concatenate([self._force, v])
 
-    def _integrate(self, x: Array, dx: Array, kappa_v: float, kappa_p: float) -> None:
-        """Eq. (8), then eq. (10) or the exact step of the same equation."""
-        pull = (self._v_hat - dx) * kappa_v + (self._x_hat - x) * kappa_p
+    def _integrate(self, x: Array, dx: Array, force: Array | None) -> None:
+        """Eq. (8), then eq. (10); or its exact solution, which gives one motion at any control period.
+
+        Exact: the linear ODE is solved with targets taken in the MIDDLE of the step (force extrapolated there by half a tick), so
+        what is left of the step size is of second order.
+        """
         if self.law.integrator == "euler":
-            self._velocity[:] = dx + self._dt * pull
+            self._regress(x, dx, force)
+            kappa_v = self.law.velocity_gain_per_s or 1.0 / self._dt
+            kappa_p = self._attraction(x, kappa_v)
+            self._velocity[:] = dx + self._dt * ((self._v_hat - dx) * kappa_v + (self._x_hat - x) * kappa_p)
             self._position[:] = x + self._dt * self._velocity
-        else:
-            one = second_order_step(kappa_p, kappa_v, self._dt)
-            drive = pull + kappa_v * dx  # right-hand side of y'' = -kappa_p y - kappa_v y' + drive, y = x(t) - x
-            self._position[:] = x + one.yv * dx + one.yu * drive
-            self._velocity[:] = one.vv * dx + one.vu * drive
+            return
+        kappa_v = self.law.velocity_gain_per_s or 1.0 / self._model_dt
+        before, self._before = self._before, None if force is None else force.copy()
+        ahead = force if force is None or before is None else 1.5 * force - 0.5 * before
+        self._regress(x, dx, force)
+        middle, speed = self._exact(x, dx, kappa_v, self._attraction(x, kappa_v), 0.5 * self._dt)
+        self._regress(middle, speed, ahead)
+        kappa_p = self._attraction(middle, kappa_v)
+        self._position[:], self._velocity[:] = self._exact(x, dx, kappa_v, kappa_p, self._dt)
+
+    def _attraction(self, x: Array, kappa_v: float) -> float:
+        """kappa^P of eq. (9) [1/s^2]."""
+        share = 1.0 if self.law.gain == "constant" else self._gain(x)
+        self._kappa_p[0] = kappa_v * self.law.attraction_per_s * share
+        return float(self._kappa_p[0])
+
+    def _exact(self, x: Array, dx: Array, kappa_v: float, kappa_p: float, duration: float) -> tuple[Array, Array]:
+        """Eq. (8) solved over `duration` for targets held: with y = x(t) - x, y'' = -kappa_p y - kappa_v y' + drive."""
+        one = second_order_step(kappa_p, kappa_v, duration)
+        drive = self._v_hat * kappa_v + (self._x_hat - x) * kappa_p
+        return x + one.yv * dx + one.yu * drive, one.vv * dx + one.vu * drive
 
 
 def taught_range(model: Hmm, channels: Iterable[str]) -> tuple[Array, Array]:

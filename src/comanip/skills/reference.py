@@ -21,28 +21,38 @@ class PhaseReference:
     position, velocity, force   (N, d) at N equal steps of phase; velocity is d position / d phase
     """
 
-    def __init__(self, clock: Gmm, axes: tuple[str, ...]) -> None:
+    def __init__(self, position: Array, force: Array, step_s: float) -> None:
+        self.position, self.force, self.step_s = position, force, step_s
+        self.duration_s = step_s * (len(position) - 1)
+        self.velocity = np.gradient(position, step_s, axis=0)
+        self.velocity[[0, -1]] = 0.0
+        self._last = len(position) - 1
+
+    @classmethod
+    def learned(cls, clock: Gmm) -> PhaseReference:
+        """What GMR from the clock's phase expects."""
         first = clock.channels.index(PHASE)
         centre, spread = clock.means[:, first], np.sqrt(clock.covariances[:, first, first])
         low, high = float((centre - 3 * spread).min()), float((centre + 3 * spread).max())
         phase = np.linspace(max(low, 0.0), high, max(int((high - low) * POINTS_PER_S), 50))
-        position = self._expected(clock, "position", phase)
-        velocity = self._expected(clock, "velocity", phase)
-        force = self._expected(clock, "force", phase) if self._has(clock, "force") else np.zeros_like(position)
-        speed = np.linalg.norm(velocity, axis=1)
+        position = cls._expected(clock, "position", phase)
+        speed = np.linalg.norm(cls._expected(clock, "velocity", phase), axis=1)
+        force = cls._expected(clock, "force", phase) if cls._has(clock, "force") else np.zeros_like(position)
         moving = np.flatnonzero(speed > MOVING * speed.max())
         if len(moving) < 5:
             raise TrainingError("the lessons show no motion to learn: the hand's expected speed is zero throughout")
         part = slice(moving[0], moving[-1] + 1)
-        self.axes = axes
-        self.step_s = float(phase[1] - phase[0])
-        self.duration_s = self.step_s * (part.stop - part.start - 1)
-        self.position = position[part]
-        self.velocity = np.gradient(self.position, self.step_s, axis=0)
-        self.velocity[[0, -1]] = 0.0
         # F is what the partner does beyond carrying his share: at rest nothing, so offsets of a sensor are not expected again
-        self.force = force[part] - np.linspace(force[part.start], force[part.stop - 1], part.stop - part.start)
-        self._last = len(self.position) - 1
+        offset = np.linspace(force[part.start], force[part.stop - 1], part.stop - part.start)
+        return cls(position[part], force[part] - offset, float(phase[1] - phase[0]))
+
+    @classmethod
+    def minimum_jerk(cls, like: PhaseReference) -> PhaseReference:
+        """A baseline: from the same start to the same end in the same time, minimum jerk, no force expected."""
+        s = np.linspace(0.0, 1.0, len(like.position))[:, None]
+        shape = s**3 * (10.0 + s * (-15.0 + 6.0 * s))
+        path = like.position[0] + shape * (like.position[-1] - like.position[0])
+        return cls(path, np.zeros_like(path), like.step_s)
 
     @staticmethod
     def _has(clock: Gmm, group: str) -> bool:

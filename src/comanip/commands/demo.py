@@ -1,0 +1,87 @@
+"""The main job in one command: teach both roles, learn them, collaborate with partners never met, and report."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import skill_file
+from ..demonstration import Demonstration, demonstrations
+from ..evaluation import prediction
+from ..learned import LearnedSkill, learn
+from ..recording import Recording
+from ..reproduction import make_skill
+from ..teaching import ROLES
+from ..teaching import teach as record_lessons
+from ..trials import Case, Verdict, draw_case, judge, run_case, run_cases
+from .console import print_json, progress
+from .running import LESSON_RATE_HZ, summary
+
+PARTNERS = 24  # a role and law; `comanip trial` runs as many as wanted
+LAWS = ("default", "paper", "mass-damper")
+
+
+def demo(out: Path, seed: int, plant: str, json: bool) -> None:
+    from ..evaluation import figures
+    from ..web import report
+
+    started = time.perf_counter()
+    streams = np.random.SeedSequence(seed).spawn(4)
+    lessons: dict[str, tuple[Demonstration, ...]] = {}
+    skills: dict[str, LearnedSkill] = {}
+    results: dict[str, Any] = {"seed": seed, "plant": plant, "roles": {}}
+    shown: dict[str, tuple[Case, Recording, Verdict]] = {}
+    for n, role in enumerate(ROLES):
+        with progress(f"five lessons as {role}") as report_progress:
+            recordings = record_lessons(role, 5, rng=np.random.default_rng(streams[n]), progress=report_progress)
+        lessons[role] = demonstrations(recordings, rate_hz=LESSON_RATE_HZ)
+        begun = time.perf_counter()
+        skills[role] = learn(lessons[role], role=role)
+        learn_s = time.perf_counter() - begun
+        skill_file.save(skills[role], out / f"{role}.json")
+        with progress(f"{role} against the lesson it has not seen") as report_progress:
+            left_out = prediction.overall(prediction.leave_one_out(lessons[role], progress=report_progress, role=role))
+        results["roles"][role] = {"learn_s": learn_s, "prediction": left_out}
+    for n, role in enumerate(ROLES):
+        rng = np.random.default_rng(streams[2 + n])
+        cases = [draw_case(role, rng) for _ in range(PARTNERS)]
+        trials = {}
+        for law in LAWS if role == "follower" else LAWS[:2]:
+            with progress(f"{role}, law {law}, {PARTNERS} partners never met") as report_progress:
+                trials[law] = summary(run_cases(cases, skills[role], law, workers=0, progress=report_progress))
+        results["roles"][role]["trial"] = trials
+        shown[role] = _shown(cases[0], skills[role])
+        results["roles"][role]["shown"] = {"success": shown[role][2].success, **shown[role][2]._asdict()}
+    results["seconds"] = time.perf_counter() - started
+    pictures = {
+        "demonstrations": figures.demonstrations([x for role in ROLES for x in lessons[role]]),
+        "skills": figures.skills(skills),
+        **{f"{role}": figures.reproduction(shown[role][1], title=f"Robot as {role}") for role in ROLES},
+    }
+    page = report.page(results, {name: figures.to_svg(f) for name, f in pictures.items()}, {r: shown[r][:2] for r in ROLES})
+    out.mkdir(parents=True, exist_ok=True)
+    target = out / "report.html"
+    target.write_text(page, encoding="utf-8")
+    results["report"] = str(target)
+    results["success"] = all(results["roles"][role]["shown"]["success"] for role in ROLES)
+    if json:
+        print_json(results)
+        return
+    for role in ROLES:
+        r = results["roles"][role]
+        t = r["trial"]["default"]
+        print(
+            f"{role}: learned from 5 lessons in {r['learn_s']:.2f} s; carried the beam with "
+            f"{round(t['success'] * t['partners'])} of {t['partners']} partners it had never met "
+            f"(the paper's law: {round(r['trial']['paper']['success'] * t['partners'])})"
+        )
+    print(f"{target}: pictures, numbers and an animation of both collaborations ({results['seconds']:.0f} s)")
+
+
+def _shown(case: Case, learned: LearnedSkill) -> tuple[Case, Recording, Verdict]:
+    """The first partner drawn, whatever comes of it: nothing is picked for the show."""
+    recording = run_case(case, make_skill(learned, axes=learned.axes, dt=0.01, role=case.role))
+    return case, recording, judge(case, recording, taught_ends_m=learned.ends)

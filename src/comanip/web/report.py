@@ -1,0 +1,96 @@
+"""One self-contained HTML page about a demo: pictures, numbers, an animation of both collaborations. No network, no library."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from ..recording import Recording
+from ..trials import Case
+
+FRAME_S = 0.02
+
+
+def page(results: Mapping[str, Any], pictures: Mapping[str, str], shown: Mapping[str, tuple[Case, Recording]]) -> str:
+    """The page as text. `pictures`: name -> SVG; `shown`: role -> the run that the animation plays."""
+    template = files(__package__).joinpath("report.html").read_text(encoding="utf-8")
+    filled = {
+        "TABLE": _trial_table(results),
+        "PREDICTION": _prediction_table(results),
+        "SECONDS": f"{results['seconds']:.0f}",
+        "SEED": str(results["seed"]),
+        "PARTNERS": str(results["roles"]["leader"]["trial"]["default"]["partners"]),
+        "RUNS": json.dumps({role: _frames(case, run) for role, (case, run) in shown.items()}, separators=(",", ":")),
+        **{f"PICTURE_{name.upper()}": _inline(svg) for name, svg in pictures.items()},
+        **{f"SHOWN_{role.upper()}": _sentence(role, case, results) for role, (case, _) in shown.items()},
+    }
+    for key, value in filled.items():
+        template = template.replace("{{" + key + "}}", value)
+    return template
+
+
+def _inline(svg: str) -> str:
+    return svg[svg.index("<svg") :]
+
+
+def _frames(case: Case, run: Recording) -> dict[str, Any]:
+    """What the animation draws, thinned to 50 frames a second: both ends' heights, forces, state weights."""
+    time = run["hand.position"].time
+    keep = np.searchsorted(time, np.arange(time[0], time[-1], FRAME_S))
+    weights = run["skill.weights"].values[keep]
+    return {
+        "dt": FRAME_S,
+        "robot": np.round(run["hand.position"].values[keep, 0], 4).tolist(),
+        "partner": np.round(run["partner.position"].values[keep, 0], 4).tolist(),
+        "force": np.round(run["hand.true_force"].values[keep, 0], 2).tolist(),
+        "state": weights.argmax(axis=1).tolist(),
+        "states": int(weights.shape[1]),
+        "goal": round(0.85 + case.lift_m, 3) if case.role == "follower" else None,
+        "onset": case.onset_s if case.role == "follower" else None,
+    }
+
+
+def _sentence(role: str, case: Case, results: Mapping[str, Any]) -> str:
+    v = results["roles"][role]["shown"]
+    outcome = "succeeded" if v["success"] else "failed: " + ", ".join(v["failures"])
+    partner = f"stiffness {case.stiffness_n_per_m:.0f} N/m, beam {case.beam_mass_kg:.2f} kg"
+    if role == "follower":
+        partner += f", lifts {100 * case.lift_m:.0f} cm in {case.duration_s:.1f} s from {case.onset_s:.1f} s on"
+    else:
+        partner += f", yields at {case.yielding_ns_per_m:.0f} N s/m after {1000 * case.delay_s:.0f} ms"
+    return html.escape(
+        f"The first partner drawn ({partner}): {outcome}; end error {1000 * abs(v['end_error_m']):.0f} mm, "
+        f"peak force {v['peak_force_n']:.1f} N, beam within {v['tilt_deg']:.2f}°."
+    )
+
+
+def _trial_table(results: Mapping[str, Any]) -> str:
+    rows = []
+    names = {"default": "comanip's default law", "paper": "the paper's law, literal", "mass-damper": "mass-damper 2 kg, 10 N s/m"}
+    for role, r in results["roles"].items():
+        for law, t in r["trial"].items():
+            low, high = t["interval"]
+            why = "; ".join(f"{reason} ({n})" for reason, n in t["failures"].items()) or "–"
+            rows.append(
+                f"<tr><td>{role}</td><td>{names[law]}</td><td class=n>{100 * t['success']:.0f} %</td>"
+                f"<td class=n>{100 * low:.0f}–{100 * high:.0f} %</td><td class=n>{_number(t['effort'])}</td>"
+                f"<td class=n>{_number(t['peak_force_n'])}</td><td>{html.escape(why)}</td></tr>"
+            )
+    return "\n".join(rows)
+
+
+def _prediction_table(results: Mapping[str, Any]) -> str:
+    return "\n".join(
+        f"<tr><td>{role}</td><td class=n>{r['learn_s']:.2f} s</td><td class=n>{r['prediction']['one_step_velocity_r2']:.3f}</td>"
+        f"<td class=n>{100 * r['prediction']['free_run_position_rmse_m']:.1f} cm</td></tr>"
+        for role, r in results["roles"].items()
+    )
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if abs(value) < 1e4 else "diverged"

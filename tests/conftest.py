@@ -1,0 +1,23 @@
+"""Lessons and skills that several tests share; made once a session from fixed seeds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from comanip.demonstration import Demonstration, demonstrations
+from comanip.learned import LearnedSkill, learn
+from comanip.teaching import ROLES, teach
+
+
+@pytest.fixture(scope="session")
+def lessons() -> dict[str, tuple[Demonstration, ...]]:
+    """Six lessons a role at 100 Hz: five to learn from, one to hold back."""
+    return {
+        role: demonstrations(teach(role, 6, rng=np.random.default_rng(40 + n)), rate_hz=100.0) for n, role in enumerate(ROLES)
+    }
+
+
+@pytest.fixture(scope="session")
+def skills(lessons: dict[str, tuple[Demonstration, ...]]) -> dict[str, LearnedSkill]:
+    return {role: learn(lessons[role][:5], role=role) for role in ROLES}

@@ -1,0 +1,125 @@
+"""The command line as a newcomer meets it: real files, real processes, one line for a mistake."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+
+def comanip(*words, cwd=None):
+    return subprocess.run([sys.executable, "-m", "comanip.cli", *map(str, words)], capture_output=True, text=True, cwd=cwd)
+
+
+def answer(*words, cwd=None):
+    done = comanip(*words, "--json", cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory, lessons):
+    """Vertical lifts in CSV as somebody else would have them: own column names, no role, a second of rest."""
+    path = tmp_path_factory.mktemp("lifts")
+    for role, found in lessons.items():
+        for n, lesson in enumerate(found):
+            rest = np.repeat(np.column_stack([lesson.position, lesson.velocity, lesson.force])[:1], 60, axis=0)
+            rest[:, 2] += np.random.default_rng(n).normal(0.0, 0.1, 60)
+            rows = np.vstack([rest, np.column_stack([lesson.position, lesson.velocity, lesson.force])])
+            np.savetxt(path / f"{role}_{n}.csv", rows, delimiter=",", header="z,vz,Fz", comments="")
+    return path
+
+
+FLAGS = ("--position", "z", "--velocity", "vz", "--force", "Fz", "--rate-hz", "100")
+
+
+def test_help_answers_before_one_gets_impatient():
+    times = []
+    for _ in range(3):
+        started = time.perf_counter()
+        assert "learn" in comanip("--help").stdout
+        times.append(time.perf_counter() - started)
+    assert min(times) < 0.8  # 0.2 s alone on the machine; the bound allows for a loaded one
+
+
+def test_learn_evaluate_classify_on_foreign_csv(folder, tmp_path):
+    for role in ("leader", "follower"):
+        files = sorted(folder.glob(f"{role}_[0-4].csv"))
+        learned = answer("learn", *files, "-o", tmp_path / f"{role}.json", *FLAGS)
+        assert learned["channels"] == ["position.z", "force.z", "velocity.z"]
+        assert len(learned["lessons"]) == 5
+        result = answer("evaluate", tmp_path / f"{role}.json", folder / f"{role}_5.csv", *FLAGS)
+        assert set(result["overall"]) == {
+            "one_step_velocity_r2",
+            "one_step_velocity_rmse",
+            "free_run_position_rmse_m",
+            "free_run_end_error_m",
+            "log_likelihood_per_frame",
+        }
+        assert result["overall"]["one_step_velocity_r2"] > 0.9
+        assert result["overall"]["free_run_position_rmse_m"] < 0.025
+    skills = ("--skill", tmp_path / "leader.json", "--skill", tmp_path / "follower.json")
+    found = answer("classify", folder / "leader_5.csv", folder / "follower_5.csv", *skills, *FLAGS)["files"]
+    assert [f["best"] for f in found] == [str(tmp_path / "leader.json"), str(tmp_path / "follower.json")]
+
+
+def test_leave_one_out_on_foreign_csv(folder):
+    result = answer("evaluate", "--leave-one-out", *sorted(folder.glob("leader_*.csv")), *FLAGS)
+    assert len(result["files"]) == 6
+    assert result["overall"]["one_step_velocity_r2"] > 0.9
+    assert result["overall"]["free_run_position_rmse_m"] < 0.025
+
+
+def test_teach_learn_reproduce_inspect(tmp_path):
+    files = answer("teach", "--role", "follower", "--lessons", 3, "-o", "lessons", cwd=tmp_path)["files"]
+    answer("learn", *files, "--resample-hz", 100, "-o", "skill.json", cwd=tmp_path)
+    run = answer("reproduce", "skill.json", "--seed", 3, "-o", "run.mcap", "--plot", "run.png", cwd=tmp_path)
+    assert run["success"] is True
+    assert (tmp_path / "run.png").read_bytes()[:4] == b"\x89PNG"
+    replayed = answer("reproduce", "skill.json", "--force-from", files[0], "--law", "paper", "--resample-hz", 100, cwd=tmp_path)
+    assert replayed["position_rmse_m"] > 0.0
+    assert "hand.position" in answer("inspect", "run.mcap", cwd=tmp_path)[0]["channels"]
+    assert len(answer("inspect", "skill.json", "--plot", "skill.svg", cwd=tmp_path)[0]["states"]) == 10
+    answer("convert", "run.mcap", "run.csv", cwd=tmp_path)
+    a, b = (answer("inspect", f, cwd=tmp_path)[0]["channels"]["hand.force"]["max"] for f in ("run.mcap", "run.csv"))
+    assert a == b
+    again = answer("learn", "run.mcap", "--states", 4, "-o", "again.json", cwd=tmp_path)  # a rollout is a lesson
+    assert again["states"] == 4
+
+
+def test_trial_prints_success_by_role_and_law(tmp_path):
+    result = answer("trial", "--role", "follower", "--partners", 4, "--law", "default", "--law", "mass-damper", "--workers", 1)
+    entry = result["follower"]["default"]
+    assert entry["partners"] == 4
+    assert 0.0 <= entry["interval"][0] <= entry["success"] <= entry["interval"][1] <= 1.0
+    assert {"effort", "peak_force_n", "residual_force_n", "failures"} <= set(entry)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("learn", "absent.csv"), "absent.csv: no such file"),
+        (("learn",), "argument"),
+        (("learn", "bad.csv", *FLAGS), "no column 'z'"),
+        (("evaluate", "bad.csv"), "give a skill file and recordings"),
+        (("evaluate", "bad.csv", "bad.csv"), "not a skill file"),
+        (("classify", "bad.csv", "--skill", "a.json"), "at least two skills"),
+        (("learn", "bad.csv", "--states", "many"), "many"),
+        (("reproduce", "absent.json"), "absent.json"),
+        (("learn", "bad.csv", "--rate-hz", "fast"), "fast"),
+        (("dance",), "dance"),
+    ],
+)
+def test_a_mistake_is_one_line_on_standard_error_and_exit_code_2(tmp_path, words, said):
+    (tmp_path / "bad.csv").write_text("time,height\n0.0,1.0\n0.1,1.1\n0.2,1.2\n0.3,1.4\n0.4,1.5\n")
+    done = comanip(*words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    errors = [line for line in done.stderr.splitlines() if not line.startswith("warning:")]
+    assert len(errors) == 1, done.stderr
+    assert said in errors[0]
+    assert "Traceback" not in done.stderr
