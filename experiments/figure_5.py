@@ -100,10 +100,10 @@ def claims(found: Numbers) -> list[Claim]:
 
 def draw(found: Numbers) -> Any:
     caption = (
-        "Fig. 5. Five lessons as leader (dark, solid) and five as follower (light, dashed), taught on the simulated beam;"
-        " points mark the beginning. F is the partner's force on the hand. Bottom: models of 5 states each, 2 standard "
-        "deviations, numbered in order of time. Refuted if a lesson's force has the other role's sign, or if a lesson "
-        "leaves its role's ellipses."
+        "Fig. 5. Five lessons as leader (dark, solid) and five as follower (light, dashed), taught on the simulated beam; "
+        "points mark the beginning. F is the partner's force on the hand. Bottom: models of 5 states each, 2 standard "
+        "deviations, numbered in order of time. Refuted if a lesson's force works with the other role's sign, or if the "
+        "other role's model explains a held-out lesson better."
     )
     with figures.taste():
         figure = figures.blank(7.4, 6.9, legend=figures.roles_legend(ROLES), caption=caption)

@@ -175,6 +175,8 @@ def _held_out(ax: Any, found: Numbers, role: str) -> None:
     ax.plot(time, fit.constant, **DRAWN["constant damping"])
     text = f"D = {fit.damping:+.0f} N s/m: $R^2$ = {means['r2_constant']:.2f}\n5 Gaussians: $R^2$ = {means['r2_regressed']:.2f}"
     up = role == "follower"
+    low, high = ax.get_ylim()
+    ax.set_ylim((low, high + 0.25 * (high - low)) if up else (low - 0.25 * (high - low), high))
     ax.text(0.98, 0.97 if up else 0.03, text, transform=ax.transAxes, ha="right", va="top" if up else "bottom", fontsize=8)
     figures.label(ax, "time [s]", UNITS["force"], f"Robot {'follows' if role == 'follower' else 'leads'}, held-out lesson")
 

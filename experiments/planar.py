@@ -83,7 +83,9 @@ def field(skill: LearnedSkill, x: Array, law: PaperLaw) -> Field:
     forward, backward = Regression(model, "position", "velocity"), Regression(model, "velocity", "position")
     columns = [model.channels.index(f"position.{a}") for a in AXES]
     h = normalised(log_density(x, *marginal(model.means, model.covariances, columns)))
-    reach, speeds = (taught_range(model, [f"{g}.{a}" for a in AXES]) for g in ("position", "velocity"))
+    free = (np.array(-np.inf), np.array(np.inf))
+    groups = ("position", "velocity")
+    reach, speeds = (taught_range(model, [f"{g}.{a}" for a in AXES]) if law.bounded else free for g in groups)
     v_hat = np.clip(forward.predict(h, np.clip(x, *reach)).mean, *speeds)
     x_hat = np.clip(backward.predict(h, v_hat).mean, *reach)
     share = np.array([ConfidenceGain(model)(row) for row in x])

@@ -403,8 +403,21 @@ def save(figure: Any, path: str | Path) -> Path:
         )
     path.parent.mkdir(parents=True, exist_ok=True)
     with taste():
+        _settle(figure)
         figure.savefig(path, dpi=DPI, metadata=_undated(path.suffix.lower()))
     return path
+
+
+def _settle(figure: Any) -> None:
+    """Fixes the layout once, rounded: its solver varies in the last bit, and the same figure must give the same file."""
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    if not isinstance(figure.get_layout_engine(), ConstrainedLayoutEngine):
+        return
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for ax in figure.axes:
+        ax.set_position([round(v, 4) for v in ax.get_position(original=True).bounds])
 
 
 def _undated(suffix: str) -> dict[str, Any]:
@@ -415,6 +428,7 @@ def to_svg(figure: Any) -> str:
     """The figure as an <svg> element, ready to stand inside an HTML page."""
     text = io.StringIO()
     with taste():
+        _settle(figure)
         figure.savefig(text, format="svg", metadata=_undated(".svg"))
     whole = text.getvalue()
     return whole[whole.index("<svg") :]
@@ -423,5 +437,6 @@ def to_svg(figure: Any) -> str:
 def to_png_bytes(figure: Any, dpi: int = DPI) -> bytes:
     picture = io.BytesIO()
     with taste():
+        _settle(figure)
         figure.savefig(picture, format="png", dpi=dpi)
     return picture.getvalue()
