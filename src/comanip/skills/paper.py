@@ -7,7 +7,7 @@ docs/laws.md. With a living partner the literal law fails (docs/results.md); it 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -38,6 +38,8 @@ class PaperLaw:
                       opens the loop velocity -> x_hat -> velocity, or "force" alone
     bounded           True: what goes into the regressions, and what comes out, is held within the taught range (three standard
                       deviations beyond the outermost states). A regression is a line and goes on for ever; a task does not
+    weight_noise, input_noise   variances to add by channel name, (("position", 0.0016),): doubt in what enters the weights, or
+                      the regression of eq. (5). A hand that runs free is not where the lessons were: its position is weak evidence
     transition_floor, gate   the filter's guards (see ForwardFilter); off, as printed. Free runs and robots want 1e-6 and 20
     integrator        "euler" eq. (10), or "exact": the linear ODE of eq. (8) solved, one motion at any control period
     """
@@ -50,8 +52,8 @@ class PaperLaw:
     target_position: str = "measured"
     integrator: str = "euler"
     bounded: bool = False
-    weight_noise: Mapping[str, float] = field(default_factory=dict)
-    input_noise: Mapping[str, float] = field(default_factory=dict)
+    weight_noise: tuple[tuple[str, float], ...] = ()
+    input_noise: tuple[tuple[str, float], ...] = ()
     transition_floor: float = 0.0
     gate: float = float("inf")
 
@@ -66,6 +68,8 @@ class PaperLaw:
             if getattr(self, name) not in allowed:
                 raise ParameterError(f"{name}={getattr(self, name)!r}; allowed: {', '.join(allowed)}")
         object.__setattr__(self, "weight_channels", tuple(self.weight_channels))
+        for name in ("weight_noise", "input_noise"):
+            object.__setattr__(self, name, tuple((str(n), float(v)) for n, v in dict(getattr(self, name)).items()))
 
 
 class PositionGain:
@@ -136,12 +140,12 @@ class PaperSkill:
         inputs = ("position", "force") if self._has_force else ("position",)
         back = {"measured": ("force", "velocity"), "predicted": ("force", "velocity"), "force": ("force",)}
         backwards = back[law.target_position] if self._has_force else ("velocity",)
-        noise = {n: v for n, v in law.input_noise.items() if n in inputs}
+        noise = {n: v for n, v in law.input_noise if n in inputs}
         self._velocity_from = Regression(model, inputs, "velocity", input_noise=noise)  # eq. (5)
         self._position_from = Regression(model, backwards, "position")  # eq. (6)
         self._blind = Regression(model, "position", "velocity")  # eq. (5) while the force is missing
         self._filter = ForwardFilter(
-            blurred(model, law.weight_noise), law.weight_channels or None, transition_floor=law.transition_floor, gate=law.gate
+            blurred(model, dict(law.weight_noise)), law.weight_channels or None, transition_floor=law.transition_floor, gate=law.gate
         )
         self._gain = ConfidenceGain(model) if law.gain == "confidence" else PositionGain(model, workspace)
         d, k = len(axes), model.n_states
