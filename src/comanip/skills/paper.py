@@ -145,7 +145,10 @@ class PaperSkill:
         self._position_from = Regression(model, backwards, "position")  # eq. (6)
         self._blind = Regression(model, "position", "velocity")  # eq. (5) while the force is missing
         self._filter = ForwardFilter(
-            blurred(model, dict(law.weight_noise)), law.weight_channels or None, transition_floor=law.transition_floor, gate=law.gate
+            blurred(model, dict(law.weight_noise)),
+            law.weight_channels or None,
+            transition_floor=law.transition_floor,
+            gate=law.gate,
         )
         self._gain = ConfidenceGain(model) if law.gain == "confidence" else PositionGain(model, workspace)
         d, k = len(axes), model.n_states

@@ -12,6 +12,7 @@ from ..models.gmr import regress
 
 MOVING = 0.03  # share of the top speed that counts as motion
 POINTS_PER_S = 100
+SMOOTHING_S = 0.5  # a few Gaussians over phase make a staircase of speeds; nobody lifts in steps
 
 
 class PhaseReference:
@@ -35,16 +36,22 @@ class PhaseReference:
         centre, spread = clock.means[:, first], np.sqrt(clock.covariances[:, first, first])
         low, high = float((centre - 3 * spread).min()), float((centre + 3 * spread).max())
         phase = np.linspace(max(low, 0.0), high, max(int((high - low) * POINTS_PER_S), 50))
-        position = cls._expected(clock, "position", phase)
-        speed = np.linalg.norm(cls._expected(clock, "velocity", phase), axis=1)
-        force = cls._expected(clock, "force", phase) if cls._has(clock, "force") else np.zeros_like(position)
+        step_s = float(phase[1] - phase[0])
+        velocity = _smoothed(cls._expected(clock, "velocity", phase), step_s)
+        force = cls._expected(clock, "force", phase) if cls._has(clock, "force") else np.zeros_like(velocity)
+        speed = np.linalg.norm(velocity, axis=1)
         moving = np.flatnonzero(speed > MOVING * speed.max())
         if len(moving) < 5:
             raise TrainingError("the lessons show no motion to learn: the hand's expected speed is zero throughout")
         part = slice(moving[0], moving[-1] + 1)
+        # the path is the integral of the expected VELOCITY: lessons end at different heights, and where the last states take
+        # over from each other the expected position jumps between them although nothing moves
+        position = cls._expected(clock, "position", phase)
+        start = position[: max(moving[0], 1)].mean(axis=0)
+        path = start + np.cumsum(velocity[part], axis=0) * step_s
         # F is what the partner does beyond carrying his share: at rest nothing, so offsets of a sensor are not expected again
-        offset = np.linspace(force[part.start], force[part.stop - 1], part.stop - part.start)
-        return cls(position[part], force[part] - offset, float(phase[1] - phase[0]))
+        felt = _smoothed(force, step_s)[part]
+        return cls(path, felt - np.linspace(felt[0], felt[-1], len(felt)), step_s)
 
     @classmethod
     def minimum_jerk(cls, like: PhaseReference) -> PhaseReference:
@@ -76,3 +83,12 @@ class PhaseReference:
         low = min(low, high - 1)
         apart = self.position[low:high] - position
         return (low + int(np.einsum("nd,nd->n", apart, apart).argmin())) * self.step_s
+
+
+def _smoothed(table: Array, step_s: float) -> Array:
+    """Moving average (N, d) under a Hann window of SMOOTHING_S; what lies beyond the ends continues them."""
+    half = max(int(0.5 * SMOOTHING_S / step_s), 1)
+    window = np.hanning(2 * half + 3)[1:-1]
+    window /= window.sum()
+    padded = np.concatenate([np.repeat(table[:1], half, axis=0), table, np.repeat(table[-1:], half, axis=0)])
+    return np.stack([np.convolve(column, window, mode="valid") for column in padded.T], axis=1)
