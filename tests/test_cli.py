@@ -61,7 +61,7 @@ def test_learn_evaluate_classify_on_foreign_csv(folder, tmp_path):
             "log_likelihood_per_frame",
         }
         assert result["overall"]["one_step_velocity_r2"] > 0.9
-        assert result["overall"]["free_run_position_rmse_m"] < 0.025
+        assert result["overall"]["free_run_position_rmse_m"] < 0.05
     skills = ("--skill", tmp_path / "leader.json", "--skill", tmp_path / "follower.json")
     found = answer("classify", folder / "leader_5.csv", folder / "follower_5.csv", *skills, *FLAGS)["files"]
     assert [f["best"] for f in found] == [str(tmp_path / "leader.json"), str(tmp_path / "follower.json")]

@@ -175,14 +175,14 @@ def reproduce(
 @app.command
 def trial(
     *,
-    role: Annotated[list[Literal["leader", "follower"]], Parameter(name="--role")] = ["leader", "follower"],  # noqa: B006
+    role: Annotated[list[Literal["leader", "follower"]], Parameter(name="--role")] = ["leader", "follower"],
     partners: int = 200,
     seed: int = 7,
     plant: Plant = "beam",
-    law: Annotated[list[str], Parameter(name="--law", help="default, paper, mass-damper, minimum-jerk; may be repeated.")] = [
+    law: Annotated[list[str], Parameter(name="--law", help="default, paper, mass-damper, minimum-jerk; repeatable.")] = [
         "default"
     ],
-    skill: Annotated[list[Path], Parameter(name="--skill", help="Skill files; default: learned now from 5 lessons a role.")] = [],  # noqa: B006
+    skill: Annotated[list[Path], Parameter(name="--skill", help="Skill files; default: learned now from 5 lessons a role.")] = [],
     workers: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 0,
     json: Json = False,
 ) -> None:
@@ -194,7 +194,7 @@ def trial(
 
 @app.command
 def figures(
-    numbers: Annotated[list[int], Parameter(help="Which of 2 to 7; default all.")] = [],  # noqa: B006
+    numbers: Annotated[list[int], Parameter(help="Which of 2 to 7; default all.")] = [],
     /,
     *,
     out: Out = Path("out/figures"),

@@ -224,8 +224,8 @@ def run_cases(
 ) -> list[Verdict]:
     """One verdict a case, in order, by any number of processes (0: one a core): the same numbers for the same cases.
 
-    law   "default", "paper", or a baseline: "mass-damper", which learned nothing, or "minimum-jerk", which knows only start, end and
-          duration of the lessons and has the default law's compliance
+    law   "default", "paper", or a baseline: "mass-damper", which learned nothing, or "minimum-jerk", which knows only start, end
+          and duration of the lessons and has the default law's compliance
     """
     from joblib import Parallel, cpu_count, delayed
 

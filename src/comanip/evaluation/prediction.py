@@ -9,6 +9,7 @@ free run   from the first frame on only the recorded force is given; position an
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from ..models.filtering import ForwardFilter
 from ..models.gmr import Regression
 from ..models.hmm import log_likelihood
 from ..plants.replay import ReplayPlant
-from ..skills.paper import PaperLaw, PaperSkill, law_from, taught_range
+from ..skills.paper import PaperLaw, PaperSkill, blurred, law_from, taught_range
 
 # chosen on simulated lessons of three kinds (follower, leader, hand-guided admittance), ten sets, leave-one-out; docs/results.md
 FREE_RUN = PaperLaw(
@@ -35,6 +36,11 @@ FREE_RUN = PaperLaw(
     transition_floor=1e-6,
     gate=20.0,
 )
+
+
+# doubt in position, shares of the range that the lessons cover: a state at rest is a millimetre wide, and other recordings start
+# a centimetre beside it. As evidence for the state position is worth little; as input of the regression nearly all
+WEIGHT_DOUBT, INPUT_DOUBT = 0.13, 0.033
 
 
 class Prediction(NamedTuple):
@@ -89,16 +95,17 @@ def one_step_velocity(learned: LearnedSkill, lesson: Demonstration) -> Array:
     """(T, d) v_hat of eq. (5)."""
     frames, model = _frames(learned, lesson), learned.model
     inputs = [c for c in model.channels if not c.startswith("velocity.")]
-    regression = Regression(model, inputs, "velocity")
+    literal = learned.law == "paper"
+    regression = Regression(model, inputs, "velocity", input_noise={} if literal else _doubt(learned, INPUT_DOUBT))
     given = [model.channels.index(c) for c in regression.inputs]
     moving = [i for i, c in enumerate(model.channels) if c.startswith("velocity.")]
     seen = frames.copy()
     seen[1:, moving] = frames[:-1, moving]
     seen[0, moving] = np.nan
-    forward = ForwardFilter(model)
+    forward = ForwardFilter(model if literal else blurred(model, _doubt(learned, WEIGHT_DOUBT)))
     known = frames[:, given]
     low, high = np.array(-np.inf), np.array(np.inf)
-    if learned.law != "paper":
+    if not literal:
         known = np.clip(known, *taught_range(model, regression.inputs))
         low, high = taught_range(model, regression.outputs)
     return np.array([np.clip(regression.mean(forward.step(xi), x), low, high) for xi, x in zip(seen, known, strict=True)])
@@ -106,9 +113,11 @@ def one_step_velocity(learned: LearnedSkill, lesson: Demonstration) -> Array:
 
 def free_run(learned: LearnedSkill, lesson: Demonstration) -> Array:
     """(T, d) the path from the lesson's first position under its recorded force. A skill of law "paper" runs that law."""
-    law = law_from(learned.settings) if learned.law == "paper" else FREE_RUN
-    if not learned.has_force:
-        law = PaperLaw(**{**law.__dict__, "weight_channels": ("position",)}) if learned.law != "paper" else law
+    if learned.law == "paper":
+        law = law_from(learned.settings)
+    else:
+        channels = FREE_RUN.weight_channels if learned.has_force else ("position",)
+        law = replace(FREE_RUN, weight_channels=channels, weight_noise=tuple(_doubt(learned, WEIGHT_DOUBT).items()))
     force = lesson.force if learned.has_force else np.zeros_like(lesson.position)
     plant = ReplayPlant(force, dt=lesson.dt, start_position=lesson.position[0], axes=learned.axes)
     skill = PaperSkill(
@@ -158,6 +167,12 @@ def _shared_likelihood(learned: LearnedSkill, lesson: Demonstration, shared: Seq
     columns = [learned.model.channels.index(c) for c in shared]
     frames[:, columns] = lesson.array(shared)
     return float(log_likelihood(learned.model, [frames])[0])
+
+
+def _doubt(learned: LearnedSkill, share: float) -> dict[str, float]:
+    """Variance by position channel: `share` of the range that the lessons cover, squared. (W is that range, twice as wide.)"""
+    ranges = 0.5 * (learned.workspace[:, 1] - learned.workspace[:, 0])
+    return {f"position.{axis}": float((share * r) ** 2) for axis, r in zip(learned.axes, ranges, strict=True)}
 
 
 def _frames(learned: LearnedSkill, lesson: Demonstration) -> Array:
