@@ -37,4 +37,5 @@ def make_skill(
         dt=dt,
         model_dt=learned.dt,
         law=CollaborativeLaw.for_role(role, **settings),
+        end=learned.ends.mean(axis=0),
     )

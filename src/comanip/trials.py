@@ -266,5 +266,5 @@ def _minimum_jerk(role: str, learned: LearnedSkill, dt: float) -> Skill:
         dt=dt,
         model_dt=learned.dt,
         law=CollaborativeLaw.for_role(role, yield_gain_per_n=0.0),
-        reference=PhaseReference.minimum_jerk(PhaseReference.learned(learned.clock)),
+        reference=PhaseReference.minimum_jerk(PhaseReference.learned(learned.clock, learned.ends.mean(axis=0))),
     )

@@ -104,7 +104,7 @@ def test_C19_a_skill_of_another_robot_refuses_to_arm(skills):
 
 def test_the_reference_starts_and_ends_where_the_lessons_did(skills, lessons):
     for role in ("leader", "follower"):
-        reference = PhaseReference.learned(skills[role].clock)
+        reference = PhaseReference.learned(skills[role].clock, skills[role].ends.mean(axis=0))
         starts = np.array([lesson.position[0, 0] for lesson in lessons[role][:5]])
         assert reference.position[0, 0] == pytest.approx(starts.mean(), abs=0.02)
         assert reference.position[-1, 0] == pytest.approx(skills[role].ends.mean(), abs=0.02)

@@ -89,6 +89,7 @@ class CollaborativeSkill:
         dt: float,
         model_dt: float,
         law: CollaborativeLaw | None = None,
+        end: Array | None = None,
         reference: PhaseReference | None = None,
     ) -> None:
         if role not in ROLES:
@@ -98,7 +99,7 @@ class CollaborativeSkill:
         if clock is None:
             raise MismatchError("the default law needs states in order of time: learn with topology left-right")
         self.role, self.law = role, law or CollaborativeLaw.for_role(role)
-        self.reference = reference or PhaseReference.learned(clock)
+        self.reference = reference or PhaseReference.learned(clock, end)
         self._dt, self._model_dt = dt, model_dt
         d = len(axes)
         wanted = [g for g in ("position", "force") if any(c.startswith(g + ".") for c in model.channels)]

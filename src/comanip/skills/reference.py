@@ -30,8 +30,8 @@ class PhaseReference:
         self._last = len(position) - 1
 
     @classmethod
-    def learned(cls, clock: Gmm) -> PhaseReference:
-        """What GMR from the clock's phase expects."""
+    def learned(cls, clock: Gmm, end: Array | None = None) -> PhaseReference:
+        """What GMR from the clock's phase expects; `end` (d,) [m] is where the lessons ended on average, if known."""
         first = clock.channels.index(PHASE)
         centre, spread = clock.means[:, first], np.sqrt(clock.covariances[:, first, first])
         low, high = float((centre - 3 * spread).min()), float((centre + 3 * spread).max())
@@ -49,6 +49,10 @@ class PhaseReference:
         position = cls._expected(clock, "position", phase)
         start = position[: max(moving[0], 1)].mean(axis=0)
         path = start + np.cumsum(velocity[part], axis=0) * step_s
+        if end is not None:
+            whole = path[-1] - start
+            stretch = np.where(np.abs(whole) > 0.01, (end - start) / np.where(np.abs(whole) > 0.01, whole, 1.0), 1.0)
+            path = start + (path - start) * np.clip(stretch, 0.5, 2.0)
         # F is what the partner does beyond carrying his share: at rest nothing, so offsets of a sensor are not expected again
         felt = _smoothed(force, step_s)[part]
         return cls(path, felt - np.linspace(felt[0], felt[-1], len(felt)), step_s)
