@@ -6,7 +6,8 @@
  *
  * A `vec` holds one number for each of W lanes. Where there are many sequences, a lane is a sequence (several, one after another,
  * when they differ in length); where there is one, a lane is a frame for the densities and moments, and a state for the
- * recursions. TILES vectors are worked on together, so that the latency of one multiplication hides behind seven others.
+ * recursions. TILES vectors are worked on together, so that the latency of one multiplication hides behind seven others: arrays
+ * come in blocks [index][TILES], whose distances in memory the compiler knows.
  */
 
 typedef double NAME(vec) __attribute__((vector_size(8 * W)));
@@ -55,50 +56,50 @@ INLINE vec NAME(exp)(vec x) {
 
 /* ------------------------------------------------------------------------------------------------ densities */
 
-/* Frames `row` (TILES x W of them, -1 for none) become columns of x [TILES][D + 1], around the model's origin, with a last 1:
+/* Frames `row` (TILES x W of them, -1 for none) become a block x [D + 1][TILES], around the model's origin, with a last 1:
  * moments of (x, 1) hold occupancy, sums and products at once. */
 FN void NAME(load)(const Model *m, const double *frames, const int64_t *row, vec *x) {
     const int D = m->D;
-    for (int b = 0; b < TILES; b++, row += W, x += D + 1) {
-        double *to = (double *)x;
-        for (int l = 0; l < W; l++) {
-            const double *from = row[l] < 0 ? m->origin : frames + row[l] * D;
-            for (int d = 0; d < D; d++) to[d * W + l] = from[d];
-        }
-        for (int d = 0; d < D; d++) x[d] -= m->origin[d];
-        x[D] = NAME(all)(1.0);
+    for (int i = 0; i < TILES * W; i++) {
+        const double *from = row[i] < 0 ? m->origin : frames + row[i] * D;
+        double *to = (double *)x + i;
+        for (int d = 0; d < D; d++, to += TILES * W) *to = from[d];
     }
+    for (int d = 0; d < D; d++, x += TILES)
+        for (int b = 0; b < TILES; b++) x[b] -= m->origin[d];
+    for (int b = 0; b < TILES; b++) x[b] = NAME(all)(1.0);
 }
 
-/* log N(x; mu_k, Sigma_k) of TILES columns: out[b * stride + k]. The inverse Cholesky factor is a triangle: D^2 / 2 products. */
-FN void NAME(log_density)(const Model *m, const vec *x, vec *out, int stride) {
-    const int D = m->D, step = D + 1;
+/* log N(x; mu_k, Sigma_k) of a block: out [K][TILES]. The inverse Cholesky factor is a triangle: D^2 / 2 products. */
+FN void NAME(log_density)(const Model *m, const vec *x, vec *out) {
+    const int D = m->D;
     const double *factor = m->factors, *centre = m->centres;
-    for (int k = 0; k < m->K; k++) {
+    for (int k = 0; k < m->K; k++, out += TILES) {
         vec q[TILES] = {{0}};
         for (int d = 0; d < D; d++) {
             vec z[TILES];
-            for (int b = 0; b < TILES; b++) z[b] = NAME(all)(-centre[d]);
-            for (int e = 0; e <= d; e++)
-                for (int b = 0; b < TILES; b++) z[b] += factor[e] * x[b * step + e];
-            factor += d + 1;
+            const vec *xe = x;
+            for (int b = 0; b < TILES; b++) z[b] = NAME(all)(-*centre);
+            centre++;
+            for (const double *row_end = factor + d + 1; factor < row_end; factor++, xe += TILES)
+                for (int b = 0; b < TILES; b++) z[b] += *factor * xe[b];
             for (int b = 0; b < TILES; b++) q[b] += z[b] * z[b];
         }
-        centre += D;
         for (int b = 0; b < TILES; b++) {
             const vec value = m->peak[k] - 0.5 * q[b];
-            out[b * stride + k] = NAME(larger)(value, NAME(all)(LEAST_LOG_DENSITY));
+            out[b] = NAME(larger)(value, NAME(all)(LEAST_LOG_DENSITY));
         }
     }
 }
 
-/* Log-densities of one column become densities relative to its best state; gives the logarithm of that best. Only ratios between
- * states matter, so a frame that nothing explains (1e5 N) keeps a finite meaning. */
-INLINE vec NAME(relative)(vec *b, int K) {
-    vec top = b[0];
-    for (int k = 1; k < K; k++) top = NAME(larger)(top, b[k]);
-    for (int k = 0; k < K; k++) b[k] = NAME(exp)(b[k] - top);
-    return top;
+/* Log-densities of a block [K][TILES] become densities relative to the best state, whose logarithm goes to `top`. Only ratios
+ * between states matter, so a frame that nothing explains (1e5 N) keeps a finite meaning. */
+FN void NAME(relative)(vec *b, int K, vec *top) {
+    for (int t = 0; t < TILES; t++) top[t] = b[t];
+    for (vec *at = b + TILES; at < b + K * TILES; at += TILES)
+        for (int t = 0; t < TILES; t++) top[t] = NAME(larger)(top[t], at[t]);
+    for (vec *at = b; at < b + K * TILES; at += TILES)
+        for (int t = 0; t < TILES; t++) at[t] = NAME(exp)(at[t] - top[t]);
 }
 
 /* Sum of logarithms, kept as a product whose exponent is taken off at each step: no log() in the loop. */
@@ -124,47 +125,47 @@ INLINE LogSum NAME(no_log)(void) { return (LogSum){NAME(all)(1.0), (ivec){0}, (v
 
 /* -------------------------------------------------------------------------------------------------- moments */
 
-INLINE void NAME(corner)(vec *sums, int stride, const vec *a, int a_step, const vec *b, int b_step, const int n) {
-    vec s[2][6];
-    for (int c = 0; c < n; c++) s[0][c] = sums[c], s[1][c] = sums[stride + c];
-    for (int t = 0; t < TILES; t++) {
-        const vec top = a[t * a_step], bottom = a[t * a_step + 1];
-        for (int c = 0; c < n; c++) {
-            const vec right = b[t * b_step + c];
-            s[0][c] += top * right;
-            s[1][c] += bottom * right;
-        }
-    }
-    for (int c = 0; c < n; c++) sums[c] = s[0][c], sums[stride + c] = s[1][c];
+INLINE void NAME(corner)(vec *sums, ptrdiff_t stride, const vec *a, const vec *b, const int rows, const int columns) {
+    vec s[4][6];
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < columns; j++) s[i][j] = sums[i * stride + j];
+    for (int t = 0; t < TILES; t++)
+        for (int i = 0; i < rows; i++)
+            for (int j = 0; j < columns; j++) s[i][j] += a[i * TILES + t] * b[j * TILES + t];
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < columns; j++) sums[i * stride + j] = s[i][j];
 }
 
-/* sums[i][j] += sum over TILES columns of a[t][i] b[t][j], lane by lane; both counts even. Twelve sums stay in registers while
- * the columns pass: one load a product instead of two loads and a store. */
-FN void NAME(outer)(vec *sums, int stride, const vec *a, int a_step, int n_a, const vec *b, int b_step, int n_b) {
-    for (int i = 0; i < n_a; i += 2) {
+/* sums[i][j] += sum over t of a[i][t] b[j][t], lane by lane; both counts even. A corner of the sums stays in registers while the
+ * block passes: at most one load a product instead of two loads and a store. AVX-512 has registers for 4 x 6. */
+FN void NAME(outer)(vec *sums, ptrdiff_t stride, const vec *a, int n_a, const vec *b, int n_b) {
+    int i = 0;
+    for (; W == 8 && i + 4 <= n_a; i += 4, a += 4 * TILES, sums += 4 * stride) {
         int j = 0;
-        for (; j + 6 <= n_b; j += 6) NAME(corner)(sums + i * stride + j, stride, a + i, a_step, b + j, b_step, 6);
-        for (; j < n_b; j += 2) NAME(corner)(sums + i * stride + j, stride, a + i, a_step, b + j, b_step, 2);
+        for (; j + 6 <= n_b; j += 6) NAME(corner)(sums + j, stride, a, b + j * TILES, 4, 6);
+        for (; j + 4 <= n_b; j += 4) NAME(corner)(sums + j, stride, a, b + j * TILES, 4, 4);
+        for (; j < n_b; j += 2) NAME(corner)(sums + j, stride, a, b + j * TILES, 4, 2);
+    }
+    for (; i < n_a; i += 2, a += 2 * TILES, sums += 2 * stride) {
+        int j = 0;
+        for (; j + 6 <= n_b; j += 6) NAME(corner)(sums + j, stride, a, b + j * TILES, 2, 6);
+        for (; j + 4 <= n_b; j += 4) NAME(corner)(sums + j, stride, a, b + j * TILES, 2, 4);
+        for (; j < n_b; j += 2) NAME(corner)(sums + j, stride, a, b + j * TILES, 2, 2);
     }
 }
 
-/* sums[k] += sum over TILES columns of weight[t][k] (x, 1)(x, 1)^T, upper triangle row by row; `products` is scratch. */
+/* sums[k] += sum over a block of weight[k] (x, 1)(x, 1)^T, upper triangle row by row; `products` is scratch. */
 FN void NAME(moments)(const Model *m, vec *sums, const vec *weight, const vec *x, vec *products) {
-    int row = 0, column = 0;
+    int i = 0, j = 0;
     for (int from = 0; from < m->n_pairs; from += CHUNK) {
         const int n = m->n_pairs - from < CHUNK ? m->n_pairs - from : CHUNK, even = n + (n & 1);
-        int i = row, j = column;
-        for (int t = 0; t < TILES; t++) {
-            const vec *xt = x + t * (m->D + 1);
-            i = row, j = column;
-            for (int p = 0; p < n; p++) {
-                products[t * CHUNK + p] = xt[i] * xt[j];
-                if (++j > m->D) j = ++i;
-            }
-            if (even > n) products[t * CHUNK + n] = (vec){0};
+        vec *to = products;
+        for (int p = 0; p < n; p++, to += TILES) {
+            for (int t = 0; t < TILES; t++) to[t] = x[i * TILES + t] * x[j * TILES + t];
+            if (++j > m->D) j = ++i;
         }
-        row = i, column = j;
-        NAME(outer)(sums + from, m->pairs, weight, m->Ke, m->Ke, products, CHUNK, even);
+        if (even > n) memset(to, 0, sizeof(vec) * TILES);
+        NAME(outer)(sums + from, m->pairs, weight, m->Ke, products, even);
     }
 }
 
@@ -175,18 +176,19 @@ FN void NAME(add_lanes)(const vec *from, int stride, int n_rows, int n_columns, 
 
 /* -------------------------------------------------------------------------------------- sequences side by side */
 
-INLINE void NAME(columns)(vec *out, const vec *in, const double *matrix, int K, int stride, const int n) {
-    vec s[4] = {{0}};
-    for (int i = 0; i < K; i++)
-        for (int j = 0; j < n; j++) s[j] += matrix[i * stride + j] * in[i];
-    for (int j = 0; j < n; j++) out[j] = s[j];
+INLINE void NAME(columns)(vec *out, int step, const vec *in, const double *matrix, int K, ptrdiff_t stride, const int n) {
+    vec s[6] = {{0}};
+    for (const vec *end = in + K * TILES; in < end; in += TILES, matrix += stride)
+        for (int j = 0; j < n; j++) s[j] += matrix[j] * *in;
+    for (int j = 0; j < n; j++) out[j * step] = s[j];
 }
 
-/* out[j] = sum_i in[i] matrix[i][j], for every lane. */
-INLINE void NAME(product)(vec *out, const vec *in, const double *matrix, int K, int Ke) {
+/* out[j] = sum_i in[i] matrix[i][j], for every lane; `in` is a column of a block. */
+INLINE void NAME(product)(vec *out, const int step, const vec *in, const double *matrix, int K, int Ke) {
     int j = 0;
-    for (; j + 4 <= Ke; j += 4) NAME(columns)(out + j, in, matrix + j, K, Ke, 4);
-    if (j < Ke) NAME(columns)(out + j, in, matrix + j, K, Ke, 2);
+    for (; j + 6 <= Ke; j += 6) NAME(columns)(out + j * step, step, in, matrix + j, K, Ke, 6);
+    for (; j + 4 <= Ke; j += 4) NAME(columns)(out + j * step, step, in, matrix + j, K, Ke, 4);
+    for (; j < Ke; j += 2) NAME(columns)(out + j * step, step, in, matrix + j, K, Ke, 2);
 }
 
 /* One group of sequences in W lanes. With a break before frame t the chain starts anew in that lane.
@@ -212,16 +214,16 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     }
     length = (length + TILES - 1) / TILES * TILES;
 
-    vec *x = (vec *)space;               /* [length][D + 1] */
-    vec *ab = x + length * step;         /* [length][2 Ke]: alpha_t, then b(t) */
+    vec *x = (vec *)space;               /* blocks [D + 1][TILES] */
+    vec *ab = x + length * step;         /* blocks [2 Ke][TILES]: alpha, then b */
     vec *inverse = ab + length * 2 * Ke; /* [length]: 1 / s_t */
-    vec *weight = inverse + length;      /* [TILES][Ke] */
-    vec *v = weight + TILES * Ke;        /* [TILES][Ke] */
+    vec *weight = inverse + length;      /* [Ke][TILES] */
+    vec *v = weight + TILES * Ke;        /* [Ke][TILES] */
     vec *beta = v + TILES * Ke;          /* [Ke] */
     vec *first = beta + Ke;              /* [Ke] */
     vec *pairs = first + Ke;             /* [Ke][pairs] */
     vec *steps = pairs + (int64_t)Ke * m->pairs; /* [Ke][Ke] */
-    vec *products = steps + Ke * Ke;     /* [TILES][CHUNK] */
+    vec *products = steps + Ke * Ke;     /* [CHUNK][TILES] */
     int64_t *row = (int64_t *)(products + TILES * CHUNK);    /* [length][W] */
     unsigned char *breaks = (unsigned char *)(row + length * W); /* [length + 1] */
 
@@ -240,39 +242,39 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     LogSum logs = NAME(no_log)();
     ivec failed = {0};
     int any_failed = 0;
-    vec r = NAME(all)(1.0);
-    memset(beta, 0, sizeof(vec) * Ke); /* serves as alpha before the first frame */
-    const vec *before = beta;
+    vec r = NAME(all)(1.0), top[TILES];
+    memset(v, 0, sizeof(vec) * TILES * Ke); /* serves as alpha before the first frame */
+    const vec *before = v;
     for (int64_t t = 0; t < length; t++) {
-        vec *alpha = ab + t * 2 * Ke, *b = alpha + Ke;
+        vec *block = ab + (t - t % TILES) * 2 * Ke, *alpha = block + t % TILES, *b = alpha + Ke * TILES;
         if (t % TILES == 0) {
             NAME(load)(m, job->frames, row + t * W, x + t * step);
-            NAME(log_density)(m, x + t * step, b, 2 * Ke);
+            NAME(log_density)(m, x + t * step, b);
+            NAME(relative)(b, K, top);
+            if (Ke > K) memset(b + K * TILES, 0, sizeof(vec) * TILES);
         }
-        if (Ke > K) b[K] = (vec){0};
-        const vec top = NAME(relative)(b, K);
-        NAME(product)(alpha, before, m->forward, K, Ke);
+        NAME(product)(alpha, TILES, before, m->forward, K, Ke);
         if (breaks[t]) {
             const ivec anew = NAME(mask)(breaks[t]);
-            for (int k = 0; k < K; k++) alpha[k] = SELECT(anew, NAME(all)(m->initial[k]), alpha[k]);
+            for (int k = 0; k < K; k++) alpha[k * TILES] = SELECT(anew, NAME(all)(m->initial[k]), alpha[k * TILES]);
             r = SELECT(anew, NAME(all)(1.0), r);
         }
         vec even = {0}, odd = {0};
         for (int k = 0; k < Ke; k += 2) {
-            even += alpha[k] *= b[k] * r;
-            odd += alpha[k + 1] *= b[k + 1] * r;
+            even += alpha[k * TILES] *= b[k * TILES] * r;
+            odd += alpha[(k + 1) * TILES] *= b[(k + 1) * TILES] * r;
         }
         vec s = even + odd;
         if (t >= shortest) { /* lanes that have nothing left */
             const ivec alive = ends > t;
-            for (int k = 0; k < K; k++) alpha[k] = (vec)(alive & (ivec)alpha[k]);
+            for (int k = 0; k < K; k++) alpha[k * TILES] = (vec)(alive & (ivec)alpha[k * TILES]);
             s = SELECT(alive, s, NAME(all)(1.0));
         }
         const ivec fine = s >= LEAST_SCALE; /* false for NaN, too */
         failed |= ~fine;
         s = SELECT(fine, s, NAME(all)(1.0));
         inverse[t] = r = 1.0 / s;
-        NAME(add_log)(&logs, s, top);
+        NAME(add_log)(&logs, s, top[t % TILES]);
         before = alpha;
         if (breaks[t + 1])
             for (int l = 0; l < W; l++)
@@ -289,36 +291,35 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
             for (int64_t o = lane[l], t = 0; o < lane[l + 1]; o++)
                 for (int64_t n = starts[job->order[o] + 1] - starts[job->order[o]]; n > 0; n--, t++)
                     if (job->failed[job->order[o]])
-                        for (int k = 0; k < K; k++) ab[t * 2 * Ke + k][l] = 0.0;
+                        for (int k = 0; k < K; k++) ab[(t - t % TILES) * 2 * Ke + k * TILES + t % TILES][l] = 0.0;
 
     memset(beta, 0, sizeof(vec) * (2 * Ke + (int64_t)Ke * m->pairs + Ke * Ke)); /* beta, first, pairs, steps */
     for (int64_t t = length - 1; t >= 0; t--) {
-        const vec *alpha = ab + t * 2 * Ke, *b_next = alpha + 3 * Ke;
-        vec *vt = v + t % TILES * Ke, *gamma = weight + t % TILES * Ke;
-        if (t + 1 < length)
-            for (int k = 0; k < Ke; k++) vt[k] = beta[k] * b_next[k] * inverse[t];
-        else
-            memset(vt, 0, sizeof(vec) * Ke);
+        const int64_t tile = t % TILES, b_next = t + 1 - (t + 1) % TILES;
+        const vec *block = ab + (t - tile) * 2 * Ke, *alpha = block + tile;
+        const vec *b = ab + b_next * 2 * Ke + Ke * TILES + (t + 1) % TILES;
+        vec *vt = v + tile, *gamma = weight + tile;
         const ivec over = NAME(mask)(breaks[t + 1]);
+        for (int k = 0; k < Ke; k++) vt[k * TILES] = t + 1 < length ? beta[k] * b[k * TILES] * inverse[t] : (vec){0};
         if (breaks[t + 1])
-            for (int k = 0; k < Ke; k++) vt[k] = (vec)(~over & (ivec)vt[k]);
-        NAME(product)(beta, vt, m->backward, K, Ke);
+            for (int k = 0; k < Ke; k++) vt[k * TILES] = (vec)(~over & (ivec)vt[k * TILES]);
+        NAME(product)(beta, 1, vt, m->backward, K, Ke);
         if (breaks[t + 1])
             for (int k = 0; k < K; k++) beta[k] = SELECT(over, inverse[t], beta[k]);
         for (int k = 0; k < Ke; k++) {
-            beta[k] = (vec)((alpha[k] > 0.0) & (ivec)beta[k]);
-            gamma[k] = alpha[k] * beta[k];
+            beta[k] = (vec)((alpha[k * TILES] > 0.0) & (ivec)beta[k]);
+            gamma[k * TILES] = alpha[k * TILES] * beta[k];
         }
         if (breaks[t]) {
             const ivec anew = NAME(mask)(breaks[t]);
-            for (int k = 0; k < Ke; k++) first[k] += (vec)(anew & (ivec)gamma[k]);
+            for (int k = 0; k < Ke; k++) first[k] += (vec)(anew & (ivec)gamma[k * TILES]);
         }
         if (job->weights)
             for (int l = 0; l < W; l++)
                 if (row[t * W + l] >= 0)
-                    for (int k = 0; k < K; k++) job->weights[row[t * W + l] * K + k] = gamma[k][l];
-        if (t % TILES == 0) {
-            NAME(outer)(steps, Ke, alpha, 2 * Ke, Ke, v, Ke, Ke);
+                    for (int k = 0; k < K; k++) job->weights[row[t * W + l] * K + k] = gamma[k * TILES][l];
+        if (tile == 0) {
+            NAME(outer)(steps, Ke, block, Ke, v, Ke);
             NAME(moments)(m, pairs, weight, x + t * step, products);
         }
     }
@@ -382,22 +383,20 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
     double *inverse = (double *)(products + TILES * CHUNK); /* [padded] */
     int64_t row[TILES * W];
 
-    vec tops = {0};
-    double mantissa = 1.0, r = 1.0;
+    vec top[TILES];
+    double tops = 0.0, mantissa = 1.0, r = 1.0;
     int64_t exponent = 0;
     for (int64_t t0 = 0; t0 < length; t0 += BLOCK) {
         NAME(rows)(row, begin + t0, end);
         NAME(load)(m, job->frames, row, x);
-        NAME(log_density)(m, x, tile, Ke);
-        for (int i = 0; i < TILES; i++) {
-            const vec top = NAME(relative)(tile + i * Ke, K);
-            for (int l = 0; l < W; l++) {
-                const int64_t t = t0 + i * W + l;
-                double *to = (double *)(b + t * nv);
-                for (int k = 0; k < K; k++) to[k] = tile[i * Ke + k][l];
-                for (int k = K; k < Kp; k++) to[k] = 0.0;
-            }
-            tops += t0 + (i + 1) * W <= length ? top : (vec)(NAME(mask)((1u << (length - t0 > i * W ? length - t0 - i * W : 0)) - 1) & (ivec)top);
+        NAME(log_density)(m, x, tile);
+        NAME(relative)(tile, K, top);
+        for (int i = 0; i < BLOCK; i++) {
+            double *to = (double *)(b + (t0 + i) * nv);
+            const double *from = (double *)tile + i;
+            for (int k = 0; k < K; k++) to[k] = from[k * TILES * W];
+            for (int k = K; k < Kp; k++) to[k] = 0.0;
+            if (t0 + i < length) tops += ((double *)top)[i];
         }
         for (int64_t t = t0; t < t0 + BLOCK && t < length; t++) {
             vec sums = {0}, *at = alpha + t * nv;
@@ -416,13 +415,12 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
         }
     }
     job->failed[sequence] = 0;
-    job->log_likelihood[sequence] = log(mantissa) + (double)exponent * M_LN2 + NAME(sum)(tops);
+    job->log_likelihood[sequence] = log(mantissa) + (double)exponent * M_LN2 + tops;
     if (!job->statistics) return;
 
     memset(v, 0, sizeof(vec) * (2 * BLOCK * nv + nv + K * nv));
     memset(pairs, 0, sizeof(vec) * Ke * m->pairs);
-    if (Ke > K)
-        for (int i = 0; i < TILES; i++) tile[i * Ke + K] = (vec){0};
+    if (Ke > K) memset(tile + K * TILES, 0, sizeof(vec) * TILES);
     for (int64_t t0 = padded - BLOCK; t0 >= 0; t0 -= BLOCK) {
         const int n = length - t0 < BLOCK ? (int)(length - t0) : BLOCK;
         for (int i = n - 1; i >= 0; i--) {
@@ -459,7 +457,7 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
                 if (down && right) steps[(k + 1) * nv + j + 1] += s11;
             }
         for (int i = 0; i < BLOCK; i++)
-            for (int k = 0; k < K; k++) ((double *)(tile + i / W * Ke + k))[i % W] = ((double *)(gamma + i * nv))[k];
+            for (int k = 0; k < K; k++) ((double *)tile)[k * TILES * W + i] = ((double *)(gamma + i * nv))[k];
         if (job->weights)
             for (int i = 0; i < n; i++) memcpy(job->weights + (begin + t0 + i) * K, gamma + i * nv, sizeof(double) * K);
         NAME(rows)(row, begin + t0, end);
@@ -481,26 +479,27 @@ FN void NAME(mixture)(const Job *job, int g, double *space, double *slot) {
     vec *x = (vec *)space, *tile = x + TILES * (m->D + 1), *pairs = tile + TILES * Ke;
     vec *products = pairs + (int64_t)Ke * m->pairs;
     int64_t row[TILES * W];
+    vec top[TILES];
     LogSum logs = NAME(no_log)();
     memset(pairs, 0, sizeof(vec) * Ke * m->pairs);
     for (int64_t t0 = begin; t0 < end; t0 += BLOCK) {
         NAME(rows)(row, t0, end);
         NAME(load)(m, job->frames, row, x);
-        NAME(log_density)(m, x, tile, Ke);
+        NAME(log_density)(m, x, tile);
+        for (int k = 0; k < K; k++)
+            for (int i = 0; i < TILES; i++) tile[k * TILES + i] += m->log_initial[k];
+        NAME(relative)(tile, K, top);
+        if (Ke > K) memset(tile + K * TILES, 0, sizeof(vec) * TILES);
         for (int i = 0; i < TILES; i++) {
-            vec *h = tile + i * Ke, s = {0};
-            if (Ke > K) h[K] = (vec){0};
-            for (int k = 0; k < K; k++) h[k] += m->log_initial[k];
-            const vec top = NAME(relative)(h, K);
-            for (int k = 0; k < K; k++) s += h[k];
-            const ivec alive = NAME(mask)(t0 + (i + 1) * W <= end ? (1 << W) - 1 : (1u << (end - t0 > i * W ? end - t0 - i * W : 0)) - 1);
+            vec *h = tile + i, s = {0};
+            for (int k = 0; k < K; k++) s += h[k * TILES];
+            const int64_t left = end - t0 - i * W;
+            const ivec alive = NAME(mask)(left >= W ? (1u << W) - 1 : left > 0 ? (1u << left) - 1 : 0);
             const vec r = (vec)(alive & (ivec)(1.0 / s));
-            for (int k = 0; k < K; k++) h[k] *= r;
-            NAME(add_log)(&logs, SELECT(alive, s, NAME(all)(1.0)), (vec)(alive & (ivec)top));
-            if (job->weights)
-                for (int l = 0; l < W; l++)
-                    if (row[i * W + l] >= 0)
-                        for (int k = 0; k < K; k++) job->weights[row[i * W + l] * K + k] = h[k][l];
+            for (int k = 0; k < K; k++) h[k * TILES] *= r;
+            NAME(add_log)(&logs, SELECT(alive, s, NAME(all)(1.0)), (vec)(alive & (ivec)top[i]));
+            for (int l = 0; l < W && l < left && job->weights; l++)
+                for (int k = 0; k < K; k++) job->weights[row[i * W + l] * K + k] = h[k * TILES][l];
         }
         NAME(moments)(m, pairs, tile, x, products);
     }
@@ -522,7 +521,7 @@ FN void NAME(decode)(const Job *job, int64_t sequence, double *space, int64_t *p
     for (int64_t t0 = 0; t0 < length; t0 += BLOCK) {
         NAME(rows)(row, begin + t0, end);
         NAME(load)(m, job->frames, row, x);
-        NAME(log_density)(m, x, tile, Ke);
+        NAME(log_density)(m, x, tile);
         for (int64_t t = t0; t < t0 + BLOCK && t < length; t++) {
             double *b = (double *)now;
             for (int j = 0; j < nv; j++) {
@@ -537,8 +536,7 @@ FN void NAME(decode)(const Job *job, int64_t sequence, double *space, int64_t *p
                 now[j] = t > 0 ? top : ((const vec *)m->log_initial)[j];
                 for (int l = 0; l < W; l++) from[t * Kp + j * W + l] = (unsigned char)who[l];
             }
-            const int i = (int)(t - t0);
-            for (int k = 0; k < K; k++) b[k] += tile[i / W * Ke + k][i % W];
+            for (int k = 0; k < K; k++) b[k] += ((double *)tile)[k * TILES * W + t - t0];
             memcpy(best, now, sizeof(vec) * nv);
         }
     }
@@ -625,61 +623,64 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
     const Model *m = job->model;
     const int K = m->K, Ke = m->Ke, D = m->D, d = job->n_axes, f = job->n_forces, n_in = d + f, BLOCK = TILES * W;
     const int64_t begin = (int64_t)g * BLOCK, T = job->length;
-    vec *now = (vec *)space;               /* [TILES][2 d + f]: position, force, velocity */
     const int channels = 2 * d + f;
-    vec *x = now + TILES * channels;       /* [TILES][D + 1] */
-    vec *tile = x + TILES * (D + 1);       /* [TILES][Ke] */
-    vec *weight = tile + TILES * Ke;       /* [TILES][Ke] */
-    vec *predicted = weight + TILES * Ke;  /* [Ke] */
+    vec *now = (vec *)space;               /* [position, force, velocity][TILES] */
+    vec *x = now + TILES * channels;       /* [D + 1][TILES] */
+    vec *b = x + TILES * (D + 1);          /* [Ke][TILES] */
+    vec *h = b + TILES * Ke;               /* [Ke][TILES], and the prediction */
+    vec *next = h + TILES * Ke;            /* [Ke][TILES] */
     int64_t who[TILES * W];
     for (int i = 0; i < BLOCK; i++) {
         who[i] = begin + i < job->n ? begin + i : job->n - 1; /* lanes left over repeat the last */
-        double *lane = (double *)(now + i / W * channels) + i % W;
-        for (int a = 0; a < d; a++) lane[a * W] = job->start[who[i] * d + a];
-        for (int a = 0; a < d; a++) lane[(n_in + a) * W] = 0.0;
+        for (int a = 0; a < d; a++) ((double *)now)[a * BLOCK + i] = job->start[who[i] * d + a];
+        for (int a = 0; a < d; a++) ((double *)now)[(n_in + a) * BLOCK + i] = 0.0;
     }
+    for (int k = 0; k < Ke; k++)
+        for (int i = 0; i < TILES; i++) next[k * TILES + i] = NAME(all)(k < K ? m->initial[k] : 0.0);
     for (int64_t t = 0; t < T; t++) {
-        for (int i = 0; i < BLOCK; i++) {
-            double *lane = (double *)(now + i / W * channels) + i % W;
-            for (int a = 0; a < f; a++) lane[(d + a) * W] = job->force[(who[i] * job->force_step + t) * f + a];
+        for (int i = 0; i < BLOCK; i++)
+            for (int a = 0; a < f; a++) ((double *)now)[(d + a) * BLOCK + i] = job->force[(who[i] * job->force_step + t) * f + a];
+        for (int c = 0; c < D; c++)
+            for (int i = 0; i < TILES; i++) x[c * TILES + i] = now[job->source[c] * TILES + i] - m->origin[c];
+        NAME(log_density)(m, x, b);
+        vec top[TILES], s[TILES] = {{0}};
+        for (int i = 0; i < TILES; i++) top[i] = b[i];
+        for (int k = 1; k < K; k++)
+            for (int i = 0; i < TILES; i++) top[i] = NAME(larger)(top[i], b[k * TILES + i]);
+        for (int k = 0; k < K; k++)
+            for (int i = 0; i < TILES; i++) {
+                const vec lead = NAME(larger)(b[k * TILES + i] - top[i], NAME(all)(-job->gate));
+                s[i] += h[k * TILES + i] = NAME(exp)(lead) * next[k * TILES + i];
+            }
+        for (int i = 0; i < TILES; i++) s[i] = 1.0 / NAME(larger)(s[i], NAME(all)(1e-300));
+        for (int k = 0; k < K; k++)
+            for (int i = 0; i < TILES; i++) h[k * TILES + i] *= s[i];
+        const double *gain = job->gains, *offset = job->offsets; /* gains [d][n_in][K], offsets [d][K] */
+        for (int o = 0; o < d; o++, offset += K) {
+            vec y[TILES] = {{0}};
+            for (int k = 0; k < K; k++)
+                for (int i = 0; i < TILES; i++) y[i] += offset[k] * h[k * TILES + i];
+            for (int c = 0; c < n_in; c++, gain += K) { /* the states' gains, blended, and then times the input */
+                vec slope[TILES] = {{0}};
+                for (int k = 0; k < K; k++)
+                    for (int i = 0; i < TILES; i++) slope[i] += gain[k] * h[k * TILES + i];
+                for (int i = 0; i < TILES; i++) y[i] += slope[i] * now[c * TILES + i];
+            }
+            for (int i = 0; i < TILES; i++) now[(n_in + o) * TILES + i] = y[i];
         }
-        for (int b = 0; b < TILES; b++)
-            for (int c = 0; c < D; c++) x[b * (D + 1) + c] = now[b * channels + job->source[c]] - m->origin[c];
-        NAME(log_density)(m, x, tile, Ke);
-        for (int b = 0; b < TILES; b++) {
-            vec *log_b = tile + b * Ke, *h = weight + b * Ke, *at = now + b * channels, s = {0}, top = log_b[0];
-            if (t > 0) NAME(product)(predicted, h, m->forward, K, Ke);
-            else
-                for (int k = 0; k < K; k++) predicted[k] = NAME(all)(m->initial[k]);
-            for (int k = 1; k < K; k++) top = NAME(larger)(top, log_b[k]);
-            for (int k = 0; k < K; k++) {
-                h[k] = NAME(exp)(NAME(larger)(log_b[k] - top, NAME(all)(-job->gate))) * predicted[k];
-                s += h[k];
+        for (int64_t i = 0; i < BLOCK && begin + i < job->n; i++)
+            for (int o = 0; o < d; o++) {
+                const int64_t to = ((begin + i) * T + t) * d + o;
+                job->position[to] = ((double *)now)[o * BLOCK + i];
+                job->velocity[to] = ((double *)now)[(n_in + o) * BLOCK + i];
             }
-            if (Ke > K) h[K] = (vec){0};
-            const vec r = 1.0 / NAME(larger)(s, NAME(all)(1e-300));
-            for (int k = 0; k < K; k++) h[k] *= r;
-            const double *gain = job->gains, *offset = job->offsets; /* gains [d][n_in][K], offsets [d][K] */
-            for (int o = 0; o < d; o++, offset += K) {
-                vec y = {0}, slope;
-                for (int k = 0; k < K; k++) y += offset[k] * h[k];
-                for (int i = 0; i < n_in; i++, gain += K) {
-                    vec odd = slope = (vec){0};
-                    int k = 0;
-                    for (; k + 2 <= K; k += 2) slope += gain[k] * h[k], odd += gain[k + 1] * h[k + 1];
-                    if (k < K) slope += gain[k] * h[k];
-                    y += (slope + odd) * at[i];
-                }
-                at[n_in + o] = y;
-            }
-            for (int l = 0; l < W; l++)
-                if (begin + b * W + l < job->n)
-                    for (int o = 0; o < d; o++) {
-                        const int64_t to = ((begin + b * W + l) * T + t) * d + o;
-                        job->position[to] = at[o][l];
-                        job->velocity[to] = at[n_in + o][l];
-                    }
-            for (int o = 0; o < d; o++) at[o] += job->dt * at[n_in + o];
+        for (int o = 0; o < d; o++)
+            for (int i = 0; i < TILES; i++) now[o * TILES + i] += job->dt * now[(n_in + o) * TILES + i];
+        for (int j = 0; j < K; j++) {
+            vec p[TILES] = {{0}};
+            for (int k = 0; k < K; k++)
+                for (int i = 0; i < TILES; i++) p[i] += m->forward[k * Ke + j] * h[k * TILES + i];
+            for (int i = 0; i < TILES; i++) next[j * TILES + i] = p[i];
         }
     }
 }

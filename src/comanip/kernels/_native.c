@@ -23,7 +23,7 @@
 #endif
 
 #define TILES 8               /* vectors in flight: a multiplication takes 4 cycles and 2 start in each */
-#define CHUNK 48              /* products x_i x_j kept at a time: TILES x CHUNK vectors fit in L1 */
+#define CHUNK 36              /* products x_i x_j kept at a time: TILES x CHUNK vectors fit in L1; even */
 #define PIECE 4096            /* frames of a mixture that make one unit of work */
 #define SLOTS 16              /* partial sums, whatever the number of threads: the same order of additions, the same bits */
 #define MOST_CHANNELS 256

@@ -43,6 +43,11 @@ class Whitening:
     def n_states(self) -> int:
         return len(self.log_peak)
 
+    @property
+    def arrays(self) -> tuple[Array, Array, Array, Array]:
+        """As the compiled kernels take them."""
+        return self.origin, self.factors, self.centres, self.log_peak
+
     def distances(self, x: Array) -> Array:
         """Squared Mahalanobis distances (N, K) of x (N, D) to every state."""
         z = np.clip(x - self.origin, -FARTHEST, FARTHEST) @ self.factors.T - self.centres
@@ -58,7 +63,7 @@ class Whitening:
 def whitening(means: Array, covariances: Array) -> Whitening:
     """Prepares the densities of K Gaussians: means (K, D), covariances (K, D, D), all positive definite."""
     n_states, n_channels = means.shape
-    factors = np.linalg.inv(cholesky(covariances))
+    factors = np.tril(np.linalg.inv(cholesky(covariances)))
     origin = means.mean(axis=0)
     centres = np.einsum("kij,kj->ki", factors, means - origin)
     log_det = -2.0 * np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
