@@ -22,10 +22,16 @@ INLINE vec NAME(all)(double x) { return x - (vec){0}; }
 
 INLINE vec NAME(larger)(vec a, vec b) { return SELECT(a > b, a, b); }
 
-INLINE double NAME(sum)(vec v) {
-    double part[4] = {0, 0, 0, 0}; /* four chains: half the latency of one */
-    for (int l = 0; l < W; l++) part[l & 3] += v[l];
-    return (part[0] + part[1]) + (part[2] + part[3]);
+INLINE double NAME(sum)(vec v) { /* half by half: the shortest way */
+#if W == 8
+    const Four four = ((Four *)&v)[0] + ((Four *)&v)[1];
+    const Two two = ((Two *)&four)[0] + ((Two *)&four)[1];
+#elif W == 4
+    const Two two = ((Two *)&v)[0] + ((Two *)&v)[1];
+#else
+    const Two two = v;
+#endif
+    return two[0] + two[1];
 }
 
 INLINE ivec NAME(mask)(unsigned bits) {
@@ -193,11 +199,13 @@ INLINE void NAME(product)(vec *out, const int step, const vec *in, const double 
 
 /* One group of sequences in W lanes. With a break before frame t the chain starts anew in that lane.
  *
- * Scaled recursions: with s_t the sum of alpha_t and r_t = 1 / s_{t-1} (1 after a break)
- *     alpha_t(j) = sum_i alpha_{t-1}(i) a_ij  b_j(t) r_t         beta_t(i) = sum_j a_ij v_{t+1}(j),  v_t(j) = b_j(t) beta_t(j) r_t
- *     gamma_t(i) = alpha_t(i) beta_t(i)                          xi_t(i, j) = alpha_t(i) a_ij v_{t+1}(j)
- * The division by s_t happens beside the next product, not between the two. beta starts as 1 / s_T. beta is at most 1 / alpha, so
- * it cannot overflow where alpha is not 0, and where the past excludes a state its future is of no interest: beta is 0 there. */
+ * Scaled recursions: with s_t the sum of alpha_t and r_t the power of two just above or at 1 / s_t
+ *     alpha_t(j) = sum_i alpha_{t-1}(i) a_ij  b_j(t) r_{t-1}     beta_t(i) = sum_j a_ij v_{t+1}(j)
+ *     v_{t+1}(j) = b_j(t+1) beta_{t+1}(j) r_t                    gamma_t(i) = alpha_t(i) beta_t(i)
+ *     xi_t(i, j) = alpha_t(i) a_ij v_{t+1}(j)                    log p = log s_T - sum_t log r_t
+ * A power of two costs no division and no rounding, its logarithm is a whole number, and it is made beside the next product, not
+ * between the two. beta starts as 1 / s_T and is at most 1 / alpha: it cannot overflow where alpha is not 0. Where the past
+ * excludes a state, its future is of no interest: beta is 0 there. */
 FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     const Model *m = job->model;
     const int K = m->K, Ke = m->Ke, step = m->D + 1, all = (1 << W) - 1;
@@ -216,8 +224,8 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
 
     vec *x = (vec *)space;               /* blocks [D + 1][TILES] */
     vec *ab = x + length * step;         /* blocks [2 Ke][TILES]: alpha, then b */
-    vec *inverse = ab + length * 2 * Ke; /* [length]: 1 / s_t */
-    vec *weight = inverse + length;      /* [Ke][TILES] */
+    vec *scale = ab + length * 2 * Ke;   /* [length]: r_t */
+    vec *weight = scale + length;        /* [Ke][TILES] */
     vec *v = weight + TILES * Ke;        /* [Ke][TILES] */
     vec *beta = v + TILES * Ke;          /* [Ke] */
     vec *first = beta + Ke;              /* [Ke] */
@@ -239,10 +247,9 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
         breaks[t] |= 1 << l;
     }
 
-    LogSum logs = NAME(no_log)();
-    ivec failed = {0};
+    ivec failed = {0}, exponent = {0};
     int any_failed = 0;
-    vec r = NAME(all)(1.0), top[TILES];
+    vec r = NAME(all)(1.0), shift = {0}, top[TILES];
     memset(v, 0, sizeof(vec) * TILES * Ke); /* serves as alpha before the first frame */
     const vec *before = v;
     for (int64_t t = 0; t < length; t++) {
@@ -273,17 +280,21 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
         const ivec fine = s >= LEAST_SCALE; /* false for NaN, too */
         failed |= ~fine;
         s = SELECT(fine, s, NAME(all)(1.0));
-        inverse[t] = r = 1.0 / s;
-        NAME(add_log)(&logs, s, top[t % TILES]);
+        scale[t] = r = (vec)((2046LL << 52) - ((ivec)s & (2047LL << 52)));
+        shift += top[t % TILES];
         before = alpha;
         if (breaks[t + 1])
             for (int l = 0; l < W; l++)
                 if (breaks[t + 1] >> l & 1 && next[l] < lane[l + 1] && t < ends[l]) {
                     const int64_t sequence = job->order[next[l]++];
-                    job->log_likelihood[sequence] = NAME(take_log)(&logs, l);
+                    job->log_likelihood[sequence] = log(s[l]) + (double)exponent[l] * M_LN2 + shift[l];
                     any_failed |= job->failed[sequence] = failed[l] != 0;
                     failed[l] = 0;
+                    exponent[l] = ((ivec)r)[l] >> 52 & 2047; /* so that the next line leaves nothing */
+                    exponent[l] -= 1023;
+                    shift[l] = 0.0;
                 }
+        exponent -= ((ivec)r >> 52) - 1023;
     }
     if (!job->statistics) return;
     if (any_failed) /* without alpha a sequence adds nothing */
@@ -300,12 +311,15 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
         const vec *b = ab + b_next * 2 * Ke + Ke * TILES + (t + 1) % TILES;
         vec *vt = v + tile, *gamma = weight + tile;
         const ivec over = NAME(mask)(breaks[t + 1]);
-        for (int k = 0; k < Ke; k++) vt[k * TILES] = t + 1 < length ? beta[k] * b[k * TILES] * inverse[t] : (vec){0};
+        for (int k = 0; k < Ke; k++) vt[k * TILES] = t + 1 < length ? beta[k] * b[k * TILES] * scale[t] : (vec){0};
         if (breaks[t + 1])
             for (int k = 0; k < Ke; k++) vt[k * TILES] = (vec)(~over & (ivec)vt[k * TILES]);
         NAME(product)(beta, 1, vt, m->backward, K, Ke);
-        if (breaks[t + 1])
-            for (int k = 0; k < K; k++) beta[k] = SELECT(over, inverse[t], beta[k]);
+        if (breaks[t + 1]) {
+            vec s = {0};
+            for (int k = 0; k < K; k++) s += alpha[k * TILES];
+            for (int k = 0; k < K; k++) beta[k] = SELECT(over, 1.0 / s, beta[k]);
+        }
         for (int k = 0; k < Ke; k++) {
             beta[k] = (vec)((alpha[k * TILES] > 0.0) & (ivec)beta[k]);
             gamma[k * TILES] = alpha[k * TILES] * beta[k];
@@ -365,7 +379,7 @@ INLINE void NAME(rows)(int64_t *row, int64_t from, int64_t to) {
 /* The same recursions for one sequence: lanes across frames for densities and moments, across states for alpha and beta. */
 FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slot) {
     const Model *m = job->model;
-    const int K = m->K, Ke = m->Ke, nv = m->nv, Kp = nv * W, BLOCK = TILES * W;
+    const int K = m->K, Ke = m->Ke, nv = m->nv, BLOCK = TILES * W;
     const int64_t begin = job->starts[sequence], end = job->starts[sequence + 1];
     const int64_t length = end - begin, padded = (length + BLOCK - 1) / BLOCK * BLOCK;
     const vec *forward = (const vec *)m->forward_across, *backward = (const vec *)m->backward_across;
@@ -380,12 +394,14 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
     vec *tile = x + TILES * (m->D + 1); /* [TILES][Ke] */
     vec *pairs = tile + TILES * Ke;     /* [Ke][pairs] */
     vec *products = pairs + (int64_t)Ke * m->pairs;
-    double *inverse = (double *)(products + TILES * CHUNK); /* [padded] */
+    double *scale = (double *)(products + TILES * CHUNK); /* [padded] */
     int64_t row[TILES * W];
 
     vec top[TILES];
-    double tops = 0.0, mantissa = 1.0, r = 1.0;
+    double tops = 0.0, s = 1.0;
+    union { double number; int64_t bits; } r = {1.0};
     int64_t exponent = 0;
+    memset(b, 0, sizeof(vec) * padded * nv);
     for (int64_t t0 = 0; t0 < length; t0 += BLOCK) {
         NAME(rows)(row, begin + t0, end);
         NAME(load)(m, job->frames, row, x);
@@ -395,27 +411,26 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
             double *to = (double *)(b + (t0 + i) * nv);
             const double *from = (double *)tile + i;
             for (int k = 0; k < K; k++) to[k] = from[k * TILES * W];
-            for (int k = K; k < Kp; k++) to[k] = 0.0;
             if (t0 + i < length) tops += ((double *)top)[i];
         }
         for (int64_t t = t0; t < t0 + BLOCK && t < length; t++) {
             vec sums = {0}, *at = alpha + t * nv;
             if (t > 0) NAME(across)(at, (double *)(at - nv), forward, K, nv);
             else memcpy(at, m->initial, sizeof(vec) * nv);
-            for (int i = 0; i < nv; i++) sums += at[i] *= b[t * nv + i] * r;
-            const double s = NAME(sum)(sums);
+            for (int i = 0; i < nv; i++) sums += at[i] *= b[t * nv + i] * r.number;
+            exponent -= (r.bits >> 52) - 1023;
+            s = NAME(sum)(sums);
             if (!(s >= LEAST_SCALE)) {
                 job->failed[sequence] = 1;
                 return;
             }
-            inverse[t] = r = 1.0 / s;
-            int e;
-            mantissa = frexp(mantissa * s, &e);
-            exponent += e;
+            r.number = s;
+            r.bits = (2046LL << 52) - (r.bits & (2047LL << 52));
+            scale[t] = r.number;
         }
     }
     job->failed[sequence] = 0;
-    job->log_likelihood[sequence] = log(mantissa) + (double)exponent * M_LN2 + tops;
+    job->log_likelihood[sequence] = log(s) + (double)exponent * M_LN2 + tops;
     if (!job->statistics) return;
 
     memset(v, 0, sizeof(vec) * (2 * BLOCK * nv + nv + K * nv));
@@ -427,10 +442,10 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
             const int64_t t = t0 + i;
             vec *vt = v + i * nv, *at = alpha + t * nv;
             if (t + 1 < length) {
-                for (int j = 0; j < nv; j++) vt[j] = beta[j] * b[(t + 1) * nv + j] * inverse[t];
+                for (int j = 0; j < nv; j++) vt[j] = beta[j] * b[(t + 1) * nv + j] * scale[t];
                 NAME(across)(beta, (double *)vt, backward, K, nv);
             } else {
-                for (int j = 0; j < nv; j++) vt[j] = (vec){0}, beta[j] = NAME(all)(inverse[t]);
+                for (int j = 0; j < nv; j++) vt[j] = (vec){0}, beta[j] = NAME(all)(1.0 / s);
             }
             for (int j = 0; j < nv; j++) {
                 beta[j] = (vec)((at[j] > 0.0) & (ivec)beta[j]);

@@ -89,6 +89,9 @@ typedef struct {
     void (*rollouts)(const Rollouts *, int, double *);
 } Level;
 
+typedef double Two __attribute__((vector_size(16)));
+typedef double Four __attribute__((vector_size(32)));
+
 #if defined(__x86_64__)
 #define W 8
 #define NAME(x) x##_avx512
