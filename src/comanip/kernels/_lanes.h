@@ -16,11 +16,24 @@ typedef long long NAME(ivec) __attribute__((vector_size(8 * W)));
 #define ivec NAME(ivec)
 #define FN TARGET static
 #define INLINE TARGET static inline __attribute__((always_inline))
+#if W == 8
+#define EACH(at) (vec){at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7)}
+#elif W == 4
+#define EACH(at) (vec){at(0), at(1), at(2), at(3)}
+#else
+#define EACH(at) (vec){at(0), at(1)}
+#endif
 #define SELECT(mask, yes, no) ((vec)(((ivec)(mask) & (ivec)(yes)) | (~(ivec)(mask) & (ivec)(no))))
 
 INLINE vec NAME(all)(double x) { return x - (vec){0}; }
 
 INLINE vec NAME(larger)(vec a, vec b) { return SELECT(a > b, a, b); }
+
+INLINE vec NAME(gather)(const double *from, ptrdiff_t stride) {
+#define AT(l) from[(l) * stride]
+    return EACH(AT);
+#undef AT
+}
 
 INLINE double NAME(sum)(vec v) { /* half by half: the shortest way */
 #if W == 8
@@ -66,14 +79,14 @@ INLINE vec NAME(exp)(vec x) {
  * moments of (x, 1) hold occupancy, sums and products at once. */
 FN void NAME(load)(const Model *m, const double *frames, const int64_t *row, vec *x) {
     const int D = m->D;
-    for (int i = 0; i < TILES * W; i++) {
-        const double *from = row[i] < 0 ? m->origin : frames + row[i] * D;
-        double *to = (double *)x + i;
-        for (int d = 0; d < D; d++, to += TILES * W) *to = from[d];
+    for (int b = 0; b < TILES; b++, row += W) {
+        const double *from[W];
+        for (int l = 0; l < W; l++) from[l] = row[l] < 0 ? m->origin : frames + row[l] * D;
+#define AT(l) from[l][d]
+        for (int d = 0; d < D; d++) x[d * TILES + b] = EACH(AT) - m->origin[d];
+#undef AT
+        x[D * TILES + b] = NAME(all)(1.0);
     }
-    for (int d = 0; d < D; d++, x += TILES)
-        for (int b = 0; b < TILES; b++) x[b] -= m->origin[d];
-    for (int b = 0; b < TILES; b++) x[b] = NAME(all)(1.0);
 }
 
 /* log N(x; mu_k, Sigma_k) of a block: out [K][TILES]. The inverse Cholesky factor is a triangle: D^2 / 2 products. */
@@ -391,8 +404,8 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
     vec *beta = gamma + BLOCK * nv;     /* [nv] */
     vec *steps = beta + nv;             /* [K][nv] */
     vec *x = steps + K * nv;            /* [TILES][D + 1] */
-    vec *tile = x + TILES * (m->D + 1); /* [TILES][Ke] */
-    vec *pairs = tile + TILES * Ke;     /* [Ke][pairs] */
+    vec *tile = x + TILES * (m->D + 1); /* [nv W or Ke][TILES], zero behind the last state */
+    vec *pairs = tile + TILES * (nv * W > Ke ? nv * W : Ke); /* [Ke][pairs] */
     vec *products = pairs + (int64_t)Ke * m->pairs;
     double *scale = (double *)(products + TILES * CHUNK); /* [padded] */
     int64_t row[TILES * W];
@@ -401,16 +414,14 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
     double tops = 0.0, s = 1.0;
     union { double number; int64_t bits; } r = {1.0};
     int64_t exponent = 0;
-    memset(b, 0, sizeof(vec) * padded * nv);
+    memset(tile, 0, (char *)pairs - (char *)tile);
     for (int64_t t0 = 0; t0 < length; t0 += BLOCK) {
         NAME(rows)(row, begin + t0, end);
         NAME(load)(m, job->frames, row, x);
         NAME(log_density)(m, x, tile);
         NAME(relative)(tile, K, top);
         for (int i = 0; i < BLOCK; i++) {
-            double *to = (double *)(b + (t0 + i) * nv);
-            const double *from = (double *)tile + i;
-            for (int k = 0; k < K; k++) to[k] = from[k * TILES * W];
+            for (int j = 0; j < nv; j++) b[(t0 + i) * nv + j] = NAME(gather)((double *)tile + j * W * BLOCK + i, BLOCK);
             if (t0 + i < length) tops += ((double *)top)[i];
         }
         for (int64_t t = t0; t < t0 + BLOCK && t < length; t++) {
@@ -435,7 +446,6 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
 
     memset(v, 0, sizeof(vec) * (2 * BLOCK * nv + nv + K * nv));
     memset(pairs, 0, sizeof(vec) * Ke * m->pairs);
-    if (Ke > K) memset(tile + K * TILES, 0, sizeof(vec) * TILES);
     for (int64_t t0 = padded - BLOCK; t0 >= 0; t0 -= BLOCK) {
         const int n = length - t0 < BLOCK ? (int)(length - t0) : BLOCK;
         for (int i = n - 1; i >= 0; i--) {
@@ -471,8 +481,8 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
                 if (down) steps[(k + 1) * nv + j] += s10;
                 if (down && right) steps[(k + 1) * nv + j + 1] += s11;
             }
-        for (int i = 0; i < BLOCK; i++)
-            for (int k = 0; k < K; k++) ((double *)tile)[k * TILES * W + i] = ((double *)(gamma + i * nv))[k];
+        for (int k = 0; k < K; k++)
+            for (int i = 0; i < TILES; i++) tile[k * TILES + i] = NAME(gather)((double *)(gamma + i * W * nv) + k, nv * W);
         if (job->weights)
             for (int i = 0; i < n; i++) memcpy(job->weights + (begin + t0 + i) * K, gamma + i * nv, sizeof(double) * K);
         NAME(rows)(row, begin + t0, end);
@@ -709,6 +719,7 @@ static const Level NAME(level) = {
 #undef FN
 #undef INLINE
 #undef SELECT
+#undef EACH
 #undef LogSum
 #undef W
 #undef NAME

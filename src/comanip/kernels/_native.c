@@ -309,7 +309,7 @@ static size_t space_of(const Job *job, int g, int lanes) {
     }
     if (lane[lanes] - lane[0] == 1) {
         const size_t block = TILES * lanes, padded = (length + block - 1) / block * block;
-        return common_space(m, lanes) + padded * (2 * m->nv * lanes + 1) + lanes * m->nv * (2 * block + 1 + m->K);
+        return common_space(m, lanes) + padded * (2 * m->nv * lanes + 1) + lanes * m->nv * (2 * block + 1 + m->K + TILES * lanes);
     }
     const size_t padded = (length + TILES - 1) / TILES * TILES;
     return common_space(m, lanes) + padded * lanes * (m->D + 1 + 2 * m->Ke + 2) + padded / 8 + 8;
