@@ -105,5 +105,20 @@ def decode(frames: np.ndarray, log_initial: np.ndarray, log_transition: np.ndarr
     return path
 
 
+def rollouts(start: np.ndarray, force: np.ndarray, source: np.ndarray, initial: np.ndarray, chain: np.ndarray,
+             white: tuple[np.ndarray, ...], gains: np.ndarray, offsets: np.ndarray, *, gate: float, dt: float, n_threads: int = 1
+             ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Positions and velocities (N, T, d) from start (N, d) under force (T, f) or (N, T, f).
+
+    `source` (D,) says which of (position, force, velocity) each channel of the densities is; gains (K, d, d + f), offsets (K, d).
+    """
+    n, d = start.shape
+    position, velocity = np.empty((n, force.shape[-2], d)), np.empty((n, force.shape[-2], d))
+    lines = gains.transpose(1, 2, 0), offsets.T
+    given = _in_order(start, force, source, initial, chain, *white, *lines)
+    native.rollouts(d, force.shape[-1], n, force.shape[-2], *given, gate, dt, position, velocity, n_threads)
+    return position, velocity
+
+
 def _in_order(*arrays: np.ndarray) -> tuple[np.ndarray, ...]:
     return tuple(np.ascontiguousarray(a) for a in arrays)

@@ -269,6 +269,7 @@ static double *lay_out(Model *m, int D, int K, const double *origin, const doubl
 
 typedef struct {
     const Job *job;
+    const Rollouts *rollouts;
     const Level *level;
     int n_groups, n_slots, mixture;
     size_t space_size, slot_size;
@@ -284,8 +285,9 @@ static void *work(void *argument) {
     for (int s; (s = atomic_fetch_add(&w->next_slot, 1)) < w->n_slots;)
         for (int g = s; g < w->n_groups; g += w->n_slots) {
             double *slot = w->slots + w->slot_size * s;
-            const int64_t *lane = w->mixture ? NULL : w->job->lanes + (int64_t)g * lanes;
-            if (w->mixture) w->level->mixture(w->job, g, space, slot);
+            const int64_t *lane = w->mixture || w->rollouts ? NULL : w->job->lanes + (int64_t)g * lanes;
+            if (w->rollouts) w->level->rollouts(w->rollouts, g, space);
+            else if (w->mixture) w->level->mixture(w->job, g, space, slot);
             else if (lane[lanes] - lane[0] == 1) w->level->alone(w->job, w->job->order[lane[0]], space, slot);
             else w->level->group(w->job, g, space, slot);
         }
@@ -535,7 +537,7 @@ static PyObject *rollouts(PyObject *self, PyObject *args) {
     job.offsets = NUMBERS(offsets, d * K);
     job.position = RESULT(position, n * T * d);
     job.velocity = RESULT(velocity, n * T * d);
-    double *block = NULL, *space = NULL;
+    double *block = NULL;
     if (PyErr_Occurred()) goto done;
     for (Py_ssize_t i = 0; i < D; i++)
         if (job.source[i] < 0 || job.source[i] >= 2 * d + f) {
@@ -544,19 +546,14 @@ static PyObject *rollouts(PyObject *self, PyObject *args) {
         }
     block = lay_out(&model, (int)D, (int)K, o, fa, c, p, pi, a);
     const Level *level = active;
-    const size_t size = block ? common_space(&model, level->lanes) + (size_t)level->lanes * TILES * (2 * d + f) : 0;
-    if (!block || !(space = take_space(size))) {
+    Work w = {.rollouts = &job, .level = level, .n_groups = (int)((n + TILES * level->lanes - 1) / (TILES * level->lanes))};
+    w.n_slots = w.n_groups;
+    w.space_size = block ? common_space(&model, level->lanes) + (size_t)level->lanes * TILES * (2 * d + f) : 0;
+    if (!block || run(&w, n_threads) < 0) {
         PyErr_NoMemory();
         goto done;
     }
-    const int n_groups = (int)((n + TILES * level->lanes - 1) / (TILES * level->lanes));
-    (void)n_threads;
-    Py_BEGIN_ALLOW_THREADS
-    const Mode mode = flush_denormals();
-    for (int g = 0; g < n_groups; g++) level->rollouts(&job, g, space);
-    restore(mode);
-    Py_END_ALLOW_THREADS
-    give_space(space);
+    give_space(w.space);
     result = Py_NewRef(Py_None);
 done:
     free(block);

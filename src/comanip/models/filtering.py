@@ -94,6 +94,21 @@ class ForwardFilter:
         self._state[FRESH] = 1.0
 
     @property
+    def initial(self) -> Array:
+        """Π (K,) as this filter uses it, with its floor."""
+        return self._initial
+
+    @property
+    def chain(self) -> Array:
+        """A (K, K) as this filter uses it, with its floor."""
+        return self._chain
+
+    @property
+    def whitening(self) -> Whitening:
+        """Densities of `channels`, none missing."""
+        return self._all
+
+    @property
     def restarts(self) -> int:
         """How often patience ran out since the reset."""
         return int(self._state[RESTARTS])
