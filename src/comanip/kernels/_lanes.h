@@ -654,6 +654,8 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
     vec *b = x + TILES * (D + 1);          /* [Ke][TILES] */
     vec *h = b + TILES * Ke;               /* [Ke][TILES], and the prediction */
     vec *next = h + TILES * Ke;            /* [Ke][TILES] */
+    vec *forces = next + TILES * Ke;       /* [RUN][f][TILES] */
+    vec *paths = forces + RUN * f * TILES; /* [RUN][2 d][TILES] position and velocity: kept for RUN steps, because */
     int64_t who[TILES * W];
     for (int i = 0; i < BLOCK; i++) {
         who[i] = begin + i < job->n ? begin + i : job->n - 1; /* lanes left over repeat the last */
@@ -662,9 +664,14 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
     }
     for (int k = 0; k < Ke; k++)
         for (int i = 0; i < TILES; i++) next[k * TILES + i] = NAME(all)(k < K ? m->initial[k] : 0.0);
-    for (int64_t t = 0; t < T; t++) {
-        for (int i = 0; i < BLOCK; i++)
-            for (int a = 0; a < f; a++) ((double *)now)[(d + a) * BLOCK + i] = job->force[(who[i] * job->force_step + t) * f + a];
+    for (int64_t t = 0; t < T; t++) { /* touching 192 arrays at every step would cost more than all arithmetic */
+        const int run = (int)(t % RUN);
+        if (run == 0)
+            for (int i = 0; i < BLOCK; i++) {
+                const double *from = job->force + (who[i] * job->force_step + t) * f;
+                for (int a = 0; a < f * (T - t < RUN ? T - t : RUN); a++) ((double *)forces)[a * BLOCK + i] = from[a];
+            }
+        memcpy(now + d * TILES, forces + run * f * TILES, sizeof(vec) * f * TILES);
         for (int c = 0; c < D; c++)
             for (int i = 0; i < TILES; i++) x[c * TILES + i] = now[job->source[c] * TILES + i] - m->origin[c];
         NAME(log_density)(m, x, b);
@@ -693,11 +700,17 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
             }
             for (int i = 0; i < TILES; i++) now[(n_in + o) * TILES + i] = y[i];
         }
-        for (int64_t i = 0; i < BLOCK && begin + i < job->n; i++)
-            for (int o = 0; o < d; o++) {
-                const int64_t to = ((begin + i) * T + t) * d + o;
-                job->position[to] = ((double *)now)[o * BLOCK + i];
-                job->velocity[to] = ((double *)now)[(n_in + o) * BLOCK + i];
+        memcpy(paths + run * 2 * d * TILES, now, sizeof(vec) * d * TILES);
+        memcpy(paths + (run * 2 + 1) * d * TILES, now + n_in * TILES, sizeof(vec) * d * TILES);
+        if (run == RUN - 1 || t == T - 1)
+            for (int64_t i = 0; i < BLOCK && begin + i < job->n; i++) {
+                const double *from = (double *)paths + i;
+                int64_t to = ((begin + i) * T + t - run) * d;
+                for (int r = 0; r <= run; r++, from += 2 * d * BLOCK)
+                    for (int o = 0; o < d; o++, to++) {
+                        job->position[to] = from[o * BLOCK];
+                        job->velocity[to] = from[(d + o) * BLOCK];
+                    }
             }
         for (int o = 0; o < d; o++)
             for (int i = 0; i < TILES; i++) now[o * TILES + i] += job->dt * now[(n_in + o) * TILES + i];

@@ -24,6 +24,7 @@
 
 #define TILES 8               /* vectors in flight: a multiplication takes 4 cycles and 2 start in each */
 #define CHUNK 36              /* products x_i x_j kept at a time: TILES x CHUNK vectors fit in L1; even */
+#define RUN 8                 /* steps of a roll-out between visits to its own arrays */
 #define PIECE 4096            /* frames of a mixture that make one unit of work */
 #define SLOTS 16              /* partial sums, whatever the number of threads: the same order of additions, the same bits */
 #define MOST_CHANNELS 256
@@ -548,7 +549,7 @@ static PyObject *rollouts(PyObject *self, PyObject *args) {
     const Level *level = active;
     Work w = {.rollouts = &job, .level = level, .n_groups = (int)((n + TILES * level->lanes - 1) / (TILES * level->lanes))};
     w.n_slots = w.n_groups;
-    w.space_size = block ? common_space(&model, level->lanes) + (size_t)level->lanes * TILES * (2 * d + f) : 0;
+    w.space_size = block ? common_space(&model, level->lanes) + (size_t)level->lanes * TILES * (RUN + 1) * (2 * d + f) : 0;
     if (!block || run(&w, n_threads) < 0) {
         PyErr_NoMemory();
         goto done;
