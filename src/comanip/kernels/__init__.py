@@ -1,7 +1,7 @@
 """Compiled leaves, and the choice between them and their readable twins in comanip.models.
 
-`native` is the compiled module, or None where nothing could be compiled or COMANIP_KERNELS=numpy asks for the twins: then everything
-runs, slower. COMANIP_KERNELS=avx512, avx2 or plain asks for one instruction set. Which one runs is said by `comanip doctor`.
+`native` is the compiled module, or None where nothing could be compiled or COMANIP_KERNELS=numpy asks for the twins: then
+everything runs, slower. COMANIP_KERNELS=avx512, avx2 or plain asks for one instruction set. Which one runs is said by `comanip doctor`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from .plan import Plan, plan
 
-ABSENT = "the compiled kernels are absent (no C compiler when comanip was installed): numpy does the same work 10 to 50 times slower"
+ABSENT = "numpy: the compiled kernels are absent (no C compiler when comanip was installed), so all works, 10 to 50 times slower"
 
 
 def _load() -> tuple[Any, str]:
@@ -89,8 +89,8 @@ def likelihoods(frames: np.ndarray, groups: Plan, initial: np.ndarray, transitio
     return found, failed
 
 
-def mixture(frames: np.ndarray, log_weights: np.ndarray, white: tuple[np.ndarray, ...], *, weights: bool = False, n_threads: int = 1
-            ) -> tuple[float, np.ndarray, np.ndarray | None]:  # fmt: skip
+def mixture(frames: np.ndarray, log_weights: np.ndarray, white: tuple[np.ndarray, ...], *, weights: bool = False,
+            n_threads: int = 1) -> tuple[float, np.ndarray, np.ndarray | None]:  # fmt: skip
     """The E-step without dynamics: log-likelihood of all frames (N, D), moments as in Sums, and γ (N, K) when asked for."""
     n, d, k = len(frames), len(white[0]), len(white[3])
     moments, gamma = np.empty((k, d + 1, d + 1)), np.empty((n, k)) if weights else None
@@ -120,5 +120,5 @@ def rollouts(start: np.ndarray, force: np.ndarray, source: np.ndarray, initial: 
     return position, velocity
 
 
-def _in_order(*arrays: np.ndarray) -> tuple[np.ndarray, ...]:
-    return tuple(np.ascontiguousarray(a) for a in arrays)
+def _in_order(*arrays: np.ndarray) -> list[np.ndarray]:
+    return [np.ascontiguousarray(a) for a in arrays]

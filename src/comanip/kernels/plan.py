@@ -12,7 +12,7 @@ LEAST_LENGTH = 64  # frames a lane: shorter groups would spend their time on add
 
 
 class Plan(NamedTuple):
-    """starts (S + 1,) rows where sequences begin; order (S,) sequences lane by lane; lanes (groups·W + 1,) where lanes begin in it.
+    """Rows where sequences begin (S + 1,); sequences lane by lane (S,); where lanes begin in that order (groups·W + 1,).
 
     A group with one sequence is computed with lanes across frames and states; all others with lanes across sequences.
     """

@@ -51,7 +51,9 @@ def expect(p: Chain, lessons: Lessons, n_threads: int = 1) -> tuple[float, Stati
 def _expect(p: Chain, white: Whitening, z: Array, lengths: np.ndarray) -> tuple[float, Statistics]:
     """The readable twin of the compiled E-step, and its refuge where scaling runs out of float64."""
     e = expectations_of(p, white, z, lengths)
-    return float(e.log_likelihood.sum()), Statistics(moments_about(white.origin, z, e.weights), white.origin, e.transitions, e.first)
+    return float(e.log_likelihood.sum()), Statistics(
+        moments_about(white.origin, z, e.weights), white.origin, e.transitions, e.first
+    )
 
 
 def expectations_of(p: Chain, white: Whitening, z: Array, lengths: np.ndarray) -> chains.Expectations:

@@ -166,9 +166,7 @@ def _expect(p: _Mixture, z: Array, gamma: bool = False) -> tuple[float, _Statist
 
 def _maximise(e: _Statistics, p: _Mixture, floor: float) -> _Mixture:
     occupancy = e.moments[:, -1, -1]
-    return _Mixture(
-        occupancy / occupancy.sum(), *gaussians_of_moments(e.moments, e.origin, floor, (p.means, p.covariances))
-    )
+    return _Mixture(occupancy / occupancy.sum(), *gaussians_of_moments(e.moments, e.origin, floor, (p.means, p.covariances)))
 
 
 def _from_model(lessons: Lessons, guess: Gmm, n_states: int, floor: float) -> _Mixture:

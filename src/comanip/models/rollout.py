@@ -50,7 +50,9 @@ def roll_out(
         tuple(c for c in model.channels if c.split(".")[0] == group) for group in ("position", "force", "velocity")
     )
     if not position or len(velocity) != len(position) or len(position + forces + velocity) != len(model.channels):
-        raise ChannelError(f"roll-outs want position.*, force.* and as many velocity.*; the model has {', '.join(model.channels)}")
+        raise ChannelError(
+            f"roll-outs want position.*, force.* and as many velocity.*; the model has {', '.join(model.channels)}"
+        )
     if not (dt > 0.0 and np.isfinite(dt)):
         raise ParameterError(f"dt is a period above 0 s; got {dt!r}")
     x, f = _checked(start, force, len(position), len(forces))
@@ -66,7 +68,9 @@ def roll_out(
     ))  # fmt: skip
 
 
-def _roll(x: Array, force: Array, dt: float, weigher: ForwardFilter, source: np.ndarray, regression: Regression) -> tuple[Array, Array]:
+def _roll(
+    x: Array, force: Array, dt: float, weigher: ForwardFilter, source: np.ndarray, regression: Regression
+) -> tuple[Array, Array]:
     """The readable twin: all roll-outs side by side, one step of time after another."""
     n, d = x.shape
     length = force.shape[-2]
