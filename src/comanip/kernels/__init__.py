@@ -1,7 +1,7 @@
 """Compiled leaves, and the choice between them and their readable twins in comanip.models.
 
 `native` is the compiled module, or None where nothing could be compiled or COMANIP_KERNELS=numpy asks for the twins: then
-everything runs, slower. COMANIP_KERNELS=avx512, avx2 or plain asks for one instruction set. Which one runs is said by `comanip doctor`.
+everything runs, slower. COMANIP_KERNELS=avx512, avx2 or plain asks for one instruction set. `comanip doctor` says which one runs.
 """
 
 from __future__ import annotations

@@ -73,9 +73,13 @@ def maximise(e: Statistics, p: Chain, covariance_floor: float, transition_floor:
 
 def most_likely_rows(counts: Array, before: Array, floor: float) -> Array:
     """Rows that maximise Σ counts log a, with a ≥ floor where `before` allows a transition. A row never left stays."""
-    rows = before.copy()
-    for i in np.flatnonzero(counts.sum(axis=1) > 1e-10):
-        row = counts[i] / counts[i].sum()
+    total = counts.sum(axis=1, keepdims=True)
+    left = total > 1e-10
+    rows = np.where(left, counts / np.where(left, total, 1.0), before)
+    if floor == 0.0:
+        return rows
+    for i in np.flatnonzero(left):
+        row = rows[i]
         low = np.zeros(len(row), dtype=bool)
         allowed = before[i] > 0.0
         while (raised := allowed & ~low & (row < floor)).any():  # raising one may push another below

@@ -101,7 +101,7 @@ def moments_about(origin: Array, z: Array, weights: Array) -> Array:
 
 
 def gaussians_of_moments(moments: Array, origin: Array, floor: float, before: tuple[Array, Array]) -> tuple[Array, Array]:
-    """M-step from `moments_about`: centres (K, D) and covariances (K, D, D). A state with no weight keeps what it had `before`."""
+    """M-step from `moments_about`: centres (K, D), covariances (K, D, D). A state with no weight keeps what it had `before`."""
     occupancy = moments[:, -1, -1]
     visited = occupancy > 1e-10
     shares = moments / np.where(visited, occupancy, 1.0)[:, None, None]

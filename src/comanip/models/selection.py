@@ -55,6 +55,7 @@ def select_states(
         raise ParameterError("candidates is empty; try range(2, 9)")
     names = tuple(channels)
     folds = len(sequences) if folds is None else folds
+    work: list[tuple[Any, ...]]
     if criterion == "bic":
         work = [(_bic, sequences, k, names) for k in tried]
     elif criterion != "cross-validation":
