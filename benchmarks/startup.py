@@ -15,13 +15,18 @@ s = np.linspace(0.0, 1.0, 300)
 x = [np.column_stack([0.3 * s**2 * (3 - 2 * s), 6 * np.sin(np.pi * s), 1.8 * s * (1 - s)]) + 0.02 * rng.normal(size=(300, 3))
      for _ in range(10)]
 """
-LEARN = FRAMES + """
+LEARN = (
+    FRAMES
+    + """
 from comanip.models.hmm import fit_hmm
 import warnings
 warnings.simplefilter("ignore")
 fit_hmm(x, 5, channels=("position.z", "force.z", "velocity.z"), max_iterations=20, tolerance=0.0)
 """
-CHOOSE = FRAMES + """
+)
+CHOOSE = (
+    FRAMES
+    + """
 import warnings
 warnings.simplefilter("ignore")
 from comanip.models.selection import select_states
@@ -30,6 +35,7 @@ if __name__ == "__main__":
     select_states(x, range(2, 13), channels=names, criterion="cross-validation", folds=5, restarts=10,
                   rng=np.random.default_rng(0), n_jobs=2)
 """
+)
 COMMANDS = {
     "python alone": ["-c", "pass"],
     "import numpy": ["-c", "import numpy"],
