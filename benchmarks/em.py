@@ -8,11 +8,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from machine import Problem, alternated, dgemm_gflops, flops_per_frame, median, problem
 
 from comanip.kernels import native
 from comanip.models.baum_welch import Chain, expect, maximise
 from comanip.models.lessons import Lessons
+from machine import Problem, alternated, dgemm_gflops, flops_per_frame, median, problem
 
 RAGGED = np.exp(np.random.default_rng(5).uniform(np.log(20.0), np.log(5000.0), size=120)).astype(int)
 SIZES: dict[str, tuple[Any, int, int]] = {
@@ -100,13 +100,16 @@ def dynamax(p: Problem) -> Callable[[], float]:
 
 
 def pomegranate(p: Problem) -> Callable[[], float]:
-    """float64, one summarize over all sequences: its E-step."""
+    """float32, the only one it holds throughout; one summarize over all sequences: its E-step."""
     import torch
     from pomegranate.distributions import Normal
     from pomegranate.hmm import DenseHMM
 
     torch.set_num_threads(1)
-    as_tensor = torch.from_numpy
+
+    def as_tensor(a: np.ndarray) -> torch.Tensor:
+        return torch.from_numpy(a).float()
+
     distributions = [Normal(as_tensor(m), as_tensor(s), min_cov=0.0) for m, s in zip(p.means, p.covariances, strict=True)]
     x = as_tensor(p.frames.reshape(len(p.lengths), p.lengths[0], -1))
 
@@ -123,8 +126,12 @@ def measure() -> list[dict[str, Any]]:
     for name, (lengths, d, k) in SIZES.items():
         p = problem(lengths, d, k)
         equal = len(set(p.lengths)) == 1
-        makers: dict[str, Any] = {"comanip": comanip, "comanip, 2 threads": lambda p: comanip(p, 2), "comanip, numpy twin": comanip_numpy,
-                                  "hmmlearn": hmmlearn}  # fmt: skip
+        makers: dict[str, Any] = {
+            "comanip": comanip,
+            "comanip, 2 threads": lambda p: comanip(p, 2),
+            "comanip, numpy twin": comanip_numpy,
+            "hmmlearn": hmmlearn,
+        }
         if equal:
             makers["dynamax"] = dynamax
         if equal and len(p.frames) < 50_000:
@@ -149,8 +156,8 @@ def measure() -> list[dict[str, Any]]:
         gemm.append(dgemm_gflops())
         ns = {peer: median(t) / len(p.frames) * 1e9 for peer, t in times.items()}
         floor = flops_per_frame(d, k) / float(np.median(gemm))
-        rows.append({"size": name, "ns": ns, "floor_ns": floor, "gflops": float(np.median(gemm)),
-                     "dynamax_agrees": bool(np.isclose(likelihood.get("dynamax", likelihood["comanip"]), likelihood["comanip"], rtol=1e-4))})  # fmt: skip
+        agrees = bool(np.isclose(likelihood.get("dynamax", likelihood["comanip"]), likelihood["comanip"], rtol=1e-4))
+        rows.append({"size": name, "ns": ns, "floor_ns": floor, "gflops": float(np.median(gemm)), "dynamax_agrees": agrees})
         print(name, {n: round(v, 1) for n, v in ns.items()}, f"floor {floor:.1f}", file=sys.stderr)
     return rows
 

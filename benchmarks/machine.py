@@ -29,7 +29,7 @@ class Problem(NamedTuple):
 
 
 def problem(lengths: Any, n_channels: int, n_states: int, seed: int = 0) -> Problem:
-    """Every sequence wanders through the states in cyclic order with noise; ergodic transitions, so that every peer can hold it."""
+    """Every sequence goes through the states in order, with noise; all transitions allowed, so that every peer can hold it."""
     rng = np.random.default_rng(seed)
     lengths = np.asarray(lengths)
     centres = 2.0 * rng.normal(size=(n_states, n_channels))

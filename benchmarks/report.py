@@ -94,26 +94,27 @@ def main() -> None:
     speeds = results["rollouts"]
     text = f"""# Benchmarks
 
-Made by `make bench`; nothing here is typed by hand. The same data, the same start and the same work for everyone, taken in turns;
-medians. Absolute times move with the machine (and with its neighbours); the ratios in brackets, to comanip with one thread, move less.
-Likelihoods of hmmlearn and of the numpy twin agree to 1e-8 with ours, or the run stops; dynamax adds a prior to its M-step but the same
-likelihood {"agrees to 1e-4" if all(r["dynamax_agrees"] for r in results["em"]) else "DOES NOT AGREE"}.
+Made by `make bench`; nothing here is typed by hand. The same data, the same start and the same work for everyone, taken in
+turns; medians. Absolute times move with the machine (and with its neighbours); the ratios in brackets, to comanip with one
+thread, move less. Likelihoods of hmmlearn and of the numpy twin agree to 1e-8 with ours, or the run stops; that of dynamax
+{"agrees to 1e-4" if all(r["dynamax_agrees"] for r in results["em"]) else "DOES NOT AGREE"}.
 
 {rows_of(("", ""), [[k, v] for k, v in about.items()])}
 ## One EM iteration, ns a frame
 
 {em_table(results["em"])}
-hmmlearn in scaling mode, its faster one; dynamax in float64 with E- and M-step in one compiled function, and whatever threads XLA takes;
-pomegranate's E-step only. The floor is the arithmetic that cannot be avoided, at the speed of numpy's matrix product on the same core in
-the same minute. Peak memory over the data, 10⁶ frames: {memory():.1f} MB.
+hmmlearn in scaling mode, its faster one; dynamax in float64 with E- and M-step in one compiled function, and whatever
+threads XLA takes; pomegranate's E-step only, in float32, the only one it holds throughout. The floor is the arithmetic that
+cannot be avoided, at the speed of numpy's matrix product on the same core in the same minute. Peak memory over the data,
+10⁶ frames: {memory():.1f} MB.
 
 ![One EM iteration](benchmarks.png)
 
 ## One tick on line from Python, median / 99.9 % in µs
 
 {tick_table(results["online"])}
-The filter of eq. (4) and the regression of eq. (5), two calls. dynamax has no on-line filter: this is the same tick in JAX, compiled.
-gmr's `predict` has no filter, so it does less.
+The filter of eq. (4) and the regression of eq. (5), two calls. dynamax has no on-line filter: this is the same tick in JAX,
+compiled. gmr's `predict` has no filter, so it does less.
 
 ## Roll-outs, 1,024 at once, D 7, K 10, million steps a second
 

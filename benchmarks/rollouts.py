@@ -6,12 +6,12 @@ import sys
 from typing import Any
 
 import numpy as np
-from machine import alternated, median
-from online import model
 
 from comanip import kernels
 from comanip.models.gmr import Regression
 from comanip.models.rollout import roll_out
+from machine import alternated, median
+from online import model
 
 N, T, DT = 1024, 200, 0.01
 
@@ -61,8 +61,11 @@ def measure() -> dict[str, float]:
         finally:
             kernels.native = native
 
-    work = {"comanip": lambda: roll_out(m, start, force, dt=DT), "comanip, 2 threads": lambda: roll_out(m, start, force, dt=DT, n_threads=2),
-            "comanip, numpy twin": twin}  # fmt: skip
+    work = {
+        "comanip": lambda: roll_out(m, start, force, dt=DT),
+        "comanip, 2 threads": lambda: roll_out(m, start, force, dt=DT, n_threads=2),
+        "comanip, numpy twin": twin,
+    }
     try:
         work["dynamax"] = dynamax(m, start, force)
     except ImportError:
