@@ -642,6 +642,16 @@ FN void NAME(line)(const Line *r, const double *weights, const double *x, double
     }
 }
 
+/* One lane of n columns becomes n numbers side by side. */
+INLINE void NAME(path)(double *to, const double *from, int n) {
+    int i = 0;
+    for (; i + W <= n; i += W) {
+        const vec v = NAME(gather)(from + (ptrdiff_t)i * TILES * W, TILES * W);
+        memcpy(to + i, &v, sizeof v);
+    }
+    for (; i < n; i++) to[i] = from[(ptrdiff_t)i * TILES * W];
+}
+
 /* TILES x W roll-outs at once, lanes across them: filter, regression, Euler. The gate keeps a weight from being forgotten and a
  * frame without explanation from deciding alone, exactly as in a tick. */
 FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
@@ -655,7 +665,8 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
     vec *h = b + TILES * Ke;               /* [Ke][TILES], and the prediction */
     vec *next = h + TILES * Ke;            /* [Ke][TILES] */
     vec *forces = next + TILES * Ke;       /* [RUN][f][TILES] */
-    vec *paths = forces + RUN * f * TILES; /* [RUN][2 d][TILES] position and velocity: kept for RUN steps, because */
+    vec *positions = forces + RUN * f * TILES;     /* [RUN][d][TILES] */
+    vec *velocities = positions + RUN * d * TILES; /* [RUN][d][TILES] */
     int64_t who[TILES * W];
     for (int i = 0; i < BLOCK; i++) {
         who[i] = begin + i < job->n ? begin + i : job->n - 1; /* lanes left over repeat the last */
@@ -664,12 +675,15 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
     }
     for (int k = 0; k < Ke; k++)
         for (int i = 0; i < TILES; i++) next[k * TILES + i] = NAME(all)(k < K ? m->initial[k] : 0.0);
-    for (int64_t t = 0; t < T; t++) { /* touching 192 arrays at every step would cost more than all arithmetic */
+    for (int64_t t = 0; t < T; t++) { /* paths leave every RUN steps: to touch 192 rows at each would cost more than all arithmetic */
         const int run = (int)(t % RUN);
         if (run == 0)
-            for (int i = 0; i < BLOCK; i++) {
-                const double *from = job->force + (who[i] * job->force_step + t) * f;
-                for (int a = 0; a < f * (T - t < RUN ? T - t : RUN); a++) ((double *)forces)[a * BLOCK + i] = from[a];
+            for (int i = 0; i < TILES; i++) {
+                const double *from[W];
+                for (int l = 0; l < W; l++) from[l] = job->force + (who[i * W + l] * job->force_step + t) * f;
+#define AT(l) from[l][a]
+                for (int a = 0; a < f * (T - t < RUN ? T - t : RUN); a++) forces[a * TILES + i] = EACH(AT);
+#undef AT
             }
         memcpy(now + d * TILES, forces + run * f * TILES, sizeof(vec) * f * TILES);
         for (int c = 0; c < D; c++)
@@ -700,17 +714,13 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
             }
             for (int i = 0; i < TILES; i++) now[(n_in + o) * TILES + i] = y[i];
         }
-        memcpy(paths + run * 2 * d * TILES, now, sizeof(vec) * d * TILES);
-        memcpy(paths + (run * 2 + 1) * d * TILES, now + n_in * TILES, sizeof(vec) * d * TILES);
+        memcpy(positions + run * d * TILES, now, sizeof(vec) * d * TILES);
+        memcpy(velocities + run * d * TILES, now + n_in * TILES, sizeof(vec) * d * TILES);
         if (run == RUN - 1 || t == T - 1)
             for (int64_t i = 0; i < BLOCK && begin + i < job->n; i++) {
-                const double *from = (double *)paths + i;
-                int64_t to = ((begin + i) * T + t - run) * d;
-                for (int r = 0; r <= run; r++, from += 2 * d * BLOCK)
-                    for (int o = 0; o < d; o++, to++) {
-                        job->position[to] = from[o * BLOCK];
-                        job->velocity[to] = from[(d + o) * BLOCK];
-                    }
+                const int64_t to = ((begin + i) * T + t - run) * d;
+                NAME(path)(job->position + to, (double *)positions + i, (run + 1) * d);
+                NAME(path)(job->velocity + to, (double *)velocities + i, (run + 1) * d);
             }
         for (int o = 0; o < d; o++)
             for (int i = 0; i < TILES; i++) now[o * TILES + i] += job->dt * now[(n_in + o) * TILES + i];
