@@ -12,7 +12,7 @@ import numpy as np
 from comanip.kernels import native
 from comanip.models.baum_welch import Chain, expect, maximise
 from comanip.models.lessons import Lessons
-from machine import Problem, alternated, dgemm_gflops, flops_per_frame, median, problem
+from machine import Problem, alternated, dgemm_gflops, flops_per_frame, median, on_all_cores, problem, stay_on_one_core
 
 RAGGED = np.exp(np.random.default_rng(5).uniform(np.log(20.0), np.log(5000.0), size=120)).astype(int)
 SIZES: dict[str, tuple[Any, int, int]] = {
@@ -123,12 +123,13 @@ def pomegranate(p: Problem) -> Callable[[], float]:
 
 def measure() -> list[dict[str, Any]]:
     rows = []
+    stay_on_one_core()
     for name, (lengths, d, k) in SIZES.items():
         p = problem(lengths, d, k)
         equal = len(set(p.lengths)) == 1
         makers: dict[str, Any] = {
             "comanip": comanip,
-            "comanip, 2 threads": lambda p: comanip(p, 2),
+            "comanip, 2 threads": lambda p: on_all_cores(comanip(p, 2)),
             "comanip, numpy twin": comanip_numpy,
             "hmmlearn": hmmlearn,
         }

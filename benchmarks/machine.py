@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import platform
 import time
 from collections.abc import Callable
@@ -58,6 +59,28 @@ def alternated(work: dict[str, Callable[[], Any]], repeats: int, budget_s: float
             call()
             times[name].append(time.perf_counter() - before)
     return times
+
+
+def stay_on_one_core() -> None:
+    """Everybody gets one core, threads that start from now on included: XLA would take them all and leave them spinning."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
+def on_all_cores(call: Callable[[], Any]) -> Callable[[], Any]:
+    """The same call, with every core for the threads that it starts."""
+    if not hasattr(os, "sched_setaffinity"):
+        return call
+
+    def wrapped() -> Any:
+        before = os.sched_getaffinity(0)
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+        try:
+            return call()
+        finally:
+            os.sched_setaffinity(0, before)
+
+    return wrapped
 
 
 def median(times: list[float]) -> float:

@@ -103,10 +103,10 @@ thread, move less. Likelihoods of hmmlearn and of the numpy twin agree to 1e-8 w
 ## One EM iteration, ns a frame
 
 {em_table(results["em"])}
-hmmlearn in scaling mode, its faster one; dynamax in float64 with E- and M-step in one compiled function, and whatever
-threads XLA takes; pomegranate's E-step only, in float32, the only one it holds throughout. The floor is the arithmetic that
-cannot be avoided, at the speed of numpy's matrix product on the same core in the same minute. Peak memory over the data,
-10⁶ frames: {memory():.1f} MB.
+hmmlearn in scaling mode, its faster one; dynamax in float64 with E- and M-step in one compiled function; pomegranate's E-step
+only, in float32, the only one it holds throughout. Everybody on one core, except where two threads are named. The floor is the
+arithmetic that cannot be avoided, at the speed of numpy's matrix product on the same core in the same minute. Peak memory over
+the data, 10⁶ frames: {memory():.1f} MB.
 
 ![One EM iteration](benchmarks.png)
 
@@ -117,6 +117,8 @@ The filter of eq. (4) and the regression of eq. (5), two calls. dynamax has no o
 compiled. gmr's `predict` has no filter, so it does less.
 
 ## Roll-outs, 1,024 at once, D 7, K 10, million steps a second
+
+dynamax has no roll-outs: this is the same recursion in JAX, a scan under a vmap, with the factors prepared as ours are.
 
 {rows_of(tuple(speeds), [[f"{v:.2f} ({v / speeds['comanip']:.2f} ×)" for v in speeds.values()]])}
 ## What a person waits for, s

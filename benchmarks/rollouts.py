@@ -10,7 +10,7 @@ import numpy as np
 from comanip import kernels
 from comanip.models.gmr import Regression
 from comanip.models.rollout import roll_out
-from machine import alternated, median
+from machine import alternated, median, on_all_cores, stay_on_one_core
 from online import model
 
 N, T, DT = 1024, 200, 0.01
@@ -50,6 +50,7 @@ def dynamax(m: Any, start: np.ndarray, force: np.ndarray) -> Any:
 
 
 def measure() -> dict[str, float]:
+    stay_on_one_core()
     rng = np.random.default_rng(0)
     m = model(2, 3, 10)
     start, force = rng.normal(size=(N, 2)), rng.normal(size=(N, T, 3))
@@ -63,7 +64,7 @@ def measure() -> dict[str, float]:
 
     work = {
         "comanip": lambda: roll_out(m, start, force, dt=DT),
-        "comanip, 2 threads": lambda: roll_out(m, start, force, dt=DT, n_threads=2),
+        "comanip, 2 threads": on_all_cores(lambda: roll_out(m, start, force, dt=DT, n_threads=2)),
         "comanip, numpy twin": twin,
     }
     try:
