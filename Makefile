@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint clean
+.PHONY: demo test lint bench clean
 
 demo: $(VENV)/.demo
 	$(BIN)/comanip demo --out out
@@ -15,6 +15,16 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# The peers live in an environment of their own. pomegranate brings torch; without it the table says absent.
+bench: .venv-bench/.ready
+	OPENBLAS_NUM_THREADS=1 .venv-bench/bin/python benchmarks/report.py
+
+.venv-bench/.ready: pyproject.toml
+	$(PYTHON) -m venv .venv-bench
+	.venv-bench/bin/python -m pip install --quiet . hmmlearn gmr dynamax matplotlib
+	-.venv-bench/bin/python -m pip install --quiet pomegranate torch==2.13.0
+	touch $@
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -32,4 +42,4 @@ $(VENV)/.dev: pyproject.toml | $(BIN)/python
 	touch $@ $(VENV)/.test $(VENV)/.demo
 
 clean:
-	rm -rf $(VENV) out build
+	rm -rf $(VENV) .venv-bench out build

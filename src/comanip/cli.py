@@ -208,6 +208,14 @@ def figures(
 
 
 @app.command
+def doctor(*, json: Json = False) -> None:
+    """Say what is installed here: versions, which kernels run and on which instruction set, which extras are present."""
+    from .commands import doctor as command
+
+    command.doctor(json)
+
+
+@app.command
 def demo(*, out: Out = Path("out"), seed: int = 0, plant: Plant = "beam", json: Json = False) -> None:
     """Teach both roles, learn them, collaborate with partners never met, and write one HTML report about it."""
     from .commands import demo as command

@@ -1,0 +1,124 @@
+"""Compiled leaves, and the choice between them and their readable twins in comanip.models.
+
+`native` is the compiled module, or None where nothing could be compiled or COMANIP_KERNELS=numpy asks for the twins: then
+everything runs, slower. COMANIP_KERNELS=avx512, avx2 or plain asks for one instruction set. `comanip doctor` says which one runs.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .plan import Plan, plan
+
+ABSENT = "numpy: the compiled kernels are absent (no C compiler when comanip was installed), so all works, 10 to 50 times slower"
+
+
+def _load() -> tuple[Any, str]:
+    wanted = os.environ.get("COMANIP_KERNELS", "").lower()
+    if wanted == "numpy":
+        return None, "numpy, as COMANIP_KERNELS asks"
+    try:
+        from . import _native
+    except ImportError:
+        return None, ABSENT
+    if wanted in _native.levels():
+        _native.use(wanted)
+    elif wanted not in ("", "native"):
+        raise ImportError(f"COMANIP_KERNELS={wanted!r}; allowed here: numpy, native, {', '.join(_native.levels())}")
+    return _native, f"native, {_native.level()}"
+
+
+native, description = _load()
+
+
+class Sums(NamedTuple):
+    """What one E-step over S sequences gives.
+
+    moments         (K, D + 1, D + 1) Σ_t γ_t(i) (ξ_t − origin, 1)(ξ_t − origin, 1)ᵀ: occupancy, sums and products in one
+    transitions     (K, K) expected number of transitions
+    first           (K,) posterior of the first frames, summed
+    log_likelihood  (S,)
+    failed          (S,) sequences in which scaling ran out of float64: absent from the sums, and for the twin to add
+    weights         (N, K) γ, or None when nobody asked
+    """
+
+    moments: np.ndarray
+    transitions: np.ndarray
+    first: np.ndarray
+    log_likelihood: np.ndarray
+    failed: np.ndarray
+    weights: np.ndarray | None
+
+
+def planned(lengths: np.ndarray) -> Plan:
+    """Groups for `e_step`, made once for the same sequences."""
+    return plan(lengths, native.lanes())
+
+
+def e_step(
+    frames: np.ndarray,
+    groups: Plan,
+    initial: np.ndarray,
+    transition: np.ndarray,
+    white: tuple[np.ndarray, ...],
+    *,
+    weights: bool = False,
+    n_threads: int = 1,
+) -> Sums:
+    """E-step over frames (N, D); `white` is (origin, factors, centres, log_peak) of the states' densities.
+
+    Threads share groups of sequences; the sums are added in the same order whatever their number, so the bits are the same.
+    """
+    n, d, k, s = len(frames), len(white[0]), len(white[3]), len(groups.starts) - 1
+    out = Sums(
+        np.empty((k, d + 1, d + 1)), np.empty((k, k)), np.empty(k), np.empty(s), np.empty(s, dtype=bool),
+        np.zeros((n, k)) if weights else None,
+    )  # fmt: skip
+    native.e_step(*_in_order(frames, *groups, initial, transition, *white), *out, n_threads)
+    return out
+
+
+def likelihoods(frames: np.ndarray, groups: Plan, initial: np.ndarray, transition: np.ndarray, white: tuple[np.ndarray, ...],
+                *, n_threads: int = 1) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """log-likelihood (S,) of each sequence, and (S,) whether it failed and is for the twin."""
+    found, failed = np.empty(len(groups.starts) - 1), np.empty(len(groups.starts) - 1, dtype=bool)
+    native.e_step(*_in_order(frames, *groups, initial, transition, *white), None, None, None, found, failed, None, n_threads)
+    return found, failed
+
+
+def mixture(frames: np.ndarray, log_weights: np.ndarray, white: tuple[np.ndarray, ...], *, weights: bool = False,
+            n_threads: int = 1) -> tuple[float, np.ndarray, np.ndarray | None]:  # fmt: skip
+    """The E-step without dynamics: log-likelihood of all frames (N, D), moments as in Sums, and γ (N, K) when asked for."""
+    n, d, k = len(frames), len(white[0]), len(white[3])
+    moments, gamma = np.empty((k, d + 1, d + 1)), np.empty((n, k)) if weights else None
+    total = native.mixture(*_in_order(frames, log_weights, *white), moments, gamma, n_threads)
+    return total, moments, gamma
+
+
+def decode(frames: np.ndarray, log_initial: np.ndarray, log_transition: np.ndarray, white: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Viterbi path (N,) of one sequence; at most 256 states."""
+    path = np.empty(len(frames), dtype=np.int64)
+    native.decode(*_in_order(frames, log_initial, log_transition, *white), path)
+    return path
+
+
+def rollouts(start: np.ndarray, force: np.ndarray, source: np.ndarray, initial: np.ndarray, chain: np.ndarray,
+             white: tuple[np.ndarray, ...], gains: np.ndarray, offsets: np.ndarray, *, gate: float, dt: float, n_threads: int = 1
+             ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Positions and velocities (N, T, d) from start (N, d) under force (T, f) or (N, T, f).
+
+    `source` (D,) says which of (position, force, velocity) each channel of the densities is; gains (K, d, d + f), offsets (K, d).
+    """
+    n, d = start.shape
+    position, velocity = np.empty((n, force.shape[-2], d)), np.empty((n, force.shape[-2], d))
+    lines = gains.transpose(1, 2, 0), offsets.T
+    given = _in_order(start, force, source, initial, chain, *white, *lines)
+    native.rollouts(d, force.shape[-1], n, force.shape[-2], *given, gate, dt, position, velocity, n_threads)
+    return position, velocity
+
+
+def _in_order(*arrays: np.ndarray) -> list[np.ndarray]:
+    return [np.ascontiguousarray(a) for a in arrays]

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import kernels
 from ..interfaces import Array
 from . import chains
-from .gaussian import whitening
-from .learning import gaussians_of_labels, weighted_gaussians
+from .gaussian import Whitening, whitening
+from .learning import gaussians_of_labels, gaussians_of_moments, moments_about
 from .lessons import Lessons
 
 
@@ -22,14 +23,46 @@ class Chain(NamedTuple):
     covariances: Array
 
 
-def expect(p: Chain, lessons: Lessons) -> tuple[float, chains.Expectations]:
-    log_b = chains.padded(whitening(p.means, p.covariances).log_density(lessons.z), lessons.lengths)
-    e = chains.expectations(log_b, lessons.lengths, chains.log_of(p.initial), chains.log_of(p.transition))
-    return float(e.log_likelihood.sum()), e
+class Statistics(NamedTuple):
+    """What the M-step needs from the E-step; `moments` (K, D + 1, D + 1) as in `learning.moments_about` (origin)."""
+
+    moments: Array
+    origin: Array
+    transitions: Array
+    first: Array
 
 
-def maximise(e: chains.Expectations, p: Chain, z: Array, covariance_floor: float, transition_floor: float) -> Chain:
-    means, covariances = weighted_gaussians(z, e.weights, covariance_floor, (p.means, p.covariances))
+def expect(p: Chain, lessons: Lessons, n_threads: int = 1) -> tuple[float, Statistics]:
+    """Log-likelihood of all lessons, and the sums that the M-step needs; compiled where that is possible."""
+    white = whitening(p.means, p.covariances)
+    if kernels.native is None:
+        return _expect(p, white, lessons.z, lessons.lengths)
+    sums = kernels.e_step(lessons.z, lessons.groups, p.initial, p.transition, white.arrays, n_threads=n_threads)
+    found = Statistics(sums.moments, white.origin, sums.transitions, sums.first)
+    if not sums.failed.any():
+        return float(sums.log_likelihood.sum()), found
+    rest, more = _expect(p, white, lessons.z[np.repeat(sums.failed, lessons.lengths)], lessons.lengths[sums.failed])
+    total = float(sums.log_likelihood[~sums.failed].sum()) + rest
+    return total, Statistics(
+        found.moments + more.moments, white.origin, found.transitions + more.transitions, found.first + more.first
+    )
+
+
+def _expect(p: Chain, white: Whitening, z: Array, lengths: np.ndarray) -> tuple[float, Statistics]:
+    """The readable twin of the compiled E-step, and its refuge where scaling runs out of float64."""
+    e = expectations_of(p, white, z, lengths)
+    return float(e.log_likelihood.sum()), Statistics(
+        moments_about(white.origin, z, e.weights), white.origin, e.transitions, e.first
+    )
+
+
+def expectations_of(p: Chain, white: Whitening, z: Array, lengths: np.ndarray) -> chains.Expectations:
+    log_b = chains.padded(white.log_density(z), lengths)
+    return chains.expectations(log_b, lengths, chains.log_of(p.initial), chains.log_of(p.transition))
+
+
+def maximise(e: Statistics, p: Chain, covariance_floor: float, transition_floor: float) -> Chain:
+    means, covariances = gaussians_of_moments(e.moments, e.origin, covariance_floor, (p.means, p.covariances))
     return Chain(
         e.first / e.first.sum(),
         most_likely_rows(e.transitions, p.transition, transition_floor),
@@ -40,9 +73,13 @@ def maximise(e: chains.Expectations, p: Chain, z: Array, covariance_floor: float
 
 def most_likely_rows(counts: Array, before: Array, floor: float) -> Array:
     """Rows that maximise Σ counts log a, with a ≥ floor where `before` allows a transition. A row never left stays."""
-    rows = before.copy()
-    for i in np.flatnonzero(counts.sum(axis=1) > 1e-10):
-        row = counts[i] / counts[i].sum()
+    total = counts.sum(axis=1, keepdims=True)
+    left = total > 1e-10
+    rows = np.where(left, counts / np.where(left, total, 1.0), before)
+    if floor == 0.0:
+        return rows
+    for i in np.flatnonzero(left):
+        row = rows[i]
         low = np.zeros(len(row), dtype=bool)
         allowed = before[i] > 0.0
         while (raised := allowed & ~low & (row < floor)).any():  # raising one may push another below

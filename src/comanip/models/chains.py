@@ -125,7 +125,9 @@ def expectations(log_b: Array, lengths: Array, log_initial: Array, log_transitio
     block = max(1, 1_000_000 // len(i))  # frames at a time: at most some 20 MB of ξ_t(i, j)
     for start in range(0, len(here), block):
         xi = here[start : start + block, i] + log_transition[i, j] + there[start : start + block, j]
-        transitions[i, j] += np.exp(np.minimum(xi, 0.0)).sum(axis=0)
+        shares = np.exp(np.minimum(xi, 0.0))
+        shares /= np.maximum(shares.sum(axis=1, keepdims=True), 1e-300)  # logarithms of 1e5 have no more than 11 digits behind
+        transitions[i, j] += shares.sum(axis=0)
     starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     return Expectations(gamma, transitions, gamma[starts].sum(axis=0), log_likelihood)
 

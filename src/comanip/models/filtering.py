@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from .. import kernels
 from ..errors import ParameterError
 from ..interfaces import Array
 from ..recording import expand
@@ -14,6 +15,7 @@ from .gaussian import Whitening, marginal, whitening
 from .hmm import Hmm
 
 UNBELIEVABLE = 1e100  # an input farther out than this is no measurement: treated like NaN
+FRESH, HOPELESS_TICKS, RESTARTS, LAST, SUM = range(5)  # ForwardFilter._state
 HOPELESS = 20.0  # [nats] evidence for a state that the dynamics exclude this clearly speaks against the weights
 
 
@@ -68,6 +70,12 @@ class ForwardFilter:
         self._z, self._log_b, self._log_h = np.empty(k * d), np.empty(k), np.empty(k)
         self._z_by_state = self._z.reshape(k, d)
         self._weights, self._predicted = np.empty(k), np.empty(k)
+        self._state = np.zeros(5)  # what else a tick remembers, in one array that the compiled tick shares
+        self._tick = None
+        if kernels.native is not None and d <= 256:
+            self._tick = kernels.native.Filter(
+                *self._all.arrays, self._initial, self._chain, self._weights, self._state, self.gate, self.patience
+            ).step
         self.reset()
 
     @property
@@ -82,24 +90,57 @@ class ForwardFilter:
     def reset(self) -> None:
         """Forgets everything: the next step is the first."""
         self._weights[:] = self._initial
-        self._fresh = True
-        self._hopeless = 0
-        self.restarts = 0  # how often patience ran out since the reset
-        self.last_log_likelihood = 0.0  # log p(ξ_t | ξ_1..ξ_{t-1}) of the last tick, after the gate
-        self.log_likelihood = 0.0  # the sum since the reset
+        self._state[:] = 0.0
+        self._state[FRESH] = 1.0
+
+    @property
+    def initial(self) -> Array:
+        """Π (K,) as this filter uses it, with its floor."""
+        return self._initial
+
+    @property
+    def chain(self) -> Array:
+        """A (K, K) as this filter uses it, with its floor."""
+        return self._chain
+
+    @property
+    def whitening(self) -> Whitening:
+        """Densities of `channels`, none missing."""
+        return self._all
+
+    @property
+    def restarts(self) -> int:
+        """How often patience ran out since the reset."""
+        return int(self._state[RESTARTS])
+
+    @property
+    def last_log_likelihood(self) -> float:
+        """log p(ξ_t | ξ_1..ξ_{t-1}) of the last tick, after the gate."""
+        return float(self._state[LAST])
+
+    @property
+    def log_likelihood(self) -> float:
+        """The sum of `last_log_likelihood` since the reset."""
+        return float(self._state[SUM])
 
     def step(self, xi: Array) -> Array:
         """Takes in one tick xi (D,) and gives the weights (K,): a view that the next step overwrites."""
-        predicted = self._predicted
-        if self._fresh:
+        if self._tick is not None and self._tick(xi):
+            return self._weights
+        return self._step(xi)
+
+    def _step(self, xi: Array) -> Array:
+        """The tick to read; the compiled one leaves it what is missing, hopeless or beyond float64 without logarithms."""
+        predicted, state = self._predicted, self._state
+        if state[FRESH]:
             predicted[:] = self._initial
-            self._fresh = False
+            state[FRESH] = 0.0
         else:
             np.dot(self._weights, self._chain, out=predicted)
         log_b = self._evidence(xi)
         if log_b is None:
             self._weights[:] = predicted
-            self.last_log_likelihood = 0.0
+            state[LAST] = 0.0
             return self._weights
         best = float(np.maximum.reduce(log_b))
         h = np.maximum(log_b, best - self.gate, out=self._log_h)
@@ -110,12 +151,12 @@ class ForwardFilter:
         h -= top
         np.exp(h, out=h)
         total = float(np.add.reduce(h))
-        self.last_log_likelihood = top + math.log(total)
-        self.log_likelihood += self.last_log_likelihood
-        self._hopeless = self._hopeless + 1 if top < best - HOPELESS else 0
-        if self._hopeless >= self.patience:
-            self._hopeless = 0
-            self.restarts += 1
+        state[LAST] = top + math.log(total)
+        state[SUM] += state[LAST]
+        state[HOPELESS_TICKS] = state[HOPELESS_TICKS] + 1.0 if top < best - HOPELESS else 0.0
+        if state[HOPELESS_TICKS] >= self.patience:
+            state[HOPELESS_TICKS] = 0.0
+            state[RESTARTS] += 1.0
             np.exp(log_b - best, out=h)
             total = float(np.add.reduce(h))
         return np.divide(h, total, out=self._weights)

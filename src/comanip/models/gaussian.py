@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,11 @@ class Whitening:
     def n_states(self) -> int:
         return len(self.log_peak)
 
+    @property
+    def arrays(self) -> tuple[Array, Array, Array, Array]:
+        """As the compiled kernels take them."""
+        return self.origin, self.factors, self.centres, self.log_peak
+
     def distances(self, x: Array) -> Array:
         """Squared Mahalanobis distances (N, K) of x (N, D) to every state."""
         z = np.clip(x - self.origin, -FARTHEST, FARTHEST) @ self.factors.T - self.centres
@@ -58,16 +64,22 @@ class Whitening:
 def whitening(means: Array, covariances: Array) -> Whitening:
     """Prepares the densities of K Gaussians: means (K, D), covariances (K, D, D), all positive definite."""
     n_states, n_channels = means.shape
-    factors = np.linalg.inv(cholesky(covariances))
-    origin = means.mean(axis=0)
-    centres = np.einsum("kij,kj->ki", factors, means - origin)
-    log_det = -2.0 * np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
+    factors = np.linalg.inv(cholesky(covariances)) * _triangle(n_channels)
+    origin = np.add.reduce(means, axis=0) / n_states
+    centres = (factors @ (means - origin)[:, :, None])[:, :, 0]
+    log_det = -2.0 * np.add.reduce(np.log(np.diagonal(factors, axis1=1, axis2=2)), axis=1)
     return Whitening(
         origin=origin,
         factors=np.ascontiguousarray(factors.reshape(n_states * n_channels, n_channels)),
         centres=centres.reshape(-1),
         log_peak=-0.5 * (n_channels * LOG_2PI + log_det),
     )
+
+
+@lru_cache
+def _triangle(n: int) -> Array:
+    """1 on and below the diagonal: an inverse by pivoting leaves rounding above it."""
+    return np.tri(n)
 
 
 def cholesky(covariances: Array) -> Array:
@@ -115,9 +127,11 @@ def floored(covariances: Array, floor: float) -> Array:
     This is the exact solution of "most likely Σ with Σ − floor·I ⪰ 0", so EM with it still never falls. It has a
     meaning only where the channels share a unit: call it in standardised coordinates.
     """
-    values, vectors = np.linalg.eigh(covariances)
-    if values.min() >= floor:
-        return covariances
+    try:
+        np.linalg.cholesky(covariances - floor * np.eye(covariances.shape[-1]))
+        return covariances  # the usual case, at a third of the cost of eigenvalues
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(covariances)
     lifted = (vectors * np.maximum(values, floor)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     return 0.5 * (lifted + np.swapaxes(lifted, -1, -2))
 

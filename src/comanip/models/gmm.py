@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import kernels
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from .gaussian import (
@@ -26,9 +27,10 @@ from .learning import (
     climb,
     first_guess,
     gaussians_of_labels,
+    gaussians_of_moments,
+    moments_about,
     say_converged,
     say_unvisited,
-    weighted_gaussians,
 )
 from .lessons import Lessons, prepare
 
@@ -128,7 +130,7 @@ def fit_gmm(
         found = climb(
             start,
             lambda p: _expect(p, lessons.z),
-            lambda gamma, p: _maximise(gamma, p, lessons.z, covariance_floor),
+            lambda e, p: _maximise(e, p, covariance_floor),
             max_iterations=max_iterations,
             rise=tolerance * lessons.n_frames,
         )
@@ -144,15 +146,27 @@ class _Mixture(NamedTuple):
     covariances: Array
 
 
-def _expect(p: _Mixture, z: Array) -> tuple[float, Array]:
-    joint = whitening(p.means, p.covariances).log_density(z) + np.log(np.maximum(p.weights, 1e-300))
-    return float(log_sum_exp(joint).sum()), normalised(joint)
+class _Statistics(NamedTuple):
+    """moments (K, D + 1, D + 1) as in `learning.moments_about` (origin), and γ (N, K) when asked for."""
+
+    moments: Array
+    origin: Array
+    gamma: Array | None
 
 
-def _maximise(gamma: Array, p: _Mixture, z: Array, floor: float) -> _Mixture:
-    return _Mixture(
-        np.asarray(gamma.mean(axis=0), dtype=np.float64), *weighted_gaussians(z, gamma, floor, (p.means, p.covariances))
-    )
+def _expect(p: _Mixture, z: Array, gamma: bool = False) -> tuple[float, _Statistics]:
+    white, log_weights = whitening(p.means, p.covariances), np.log(np.maximum(p.weights, 1e-300))
+    if kernels.native is not None:
+        total, moments, found = kernels.mixture(z, log_weights, white.arrays, weights=gamma)
+        return total, _Statistics(moments, white.origin, found)
+    joint = white.log_density(z) + log_weights
+    weights = normalised(joint)
+    return float(log_sum_exp(joint).sum()), _Statistics(moments_about(white.origin, z, weights), white.origin, weights)
+
+
+def _maximise(e: _Statistics, p: _Mixture, floor: float) -> _Mixture:
+    occupancy = e.moments[:, -1, -1]
+    return _Mixture(occupancy / occupancy.sum(), *gaussians_of_moments(e.moments, e.origin, floor, (p.means, p.covariances)))
 
 
 def _from_model(lessons: Lessons, guess: Gmm, n_states: int, floor: float) -> _Mixture:
@@ -166,7 +180,8 @@ def _from_model(lessons: Lessons, guess: Gmm, n_states: int, floor: float) -> _M
 
 
 def _finished(p: _Mixture, trace: Array, converged: bool, *, lessons: Lessons) -> Fit[Gmm]:
-    _, gamma = _expect(p, lessons.z)
+    gamma = _expect(p, lessons.z, gamma=True)[1].gamma
+    assert gamma is not None
     occupancy = gamma.sum(axis=0)
     unvisited = np.flatnonzero(occupancy < UNVISITED)
     say_unvisited(unvisited, len(occupancy), lessons.notes)

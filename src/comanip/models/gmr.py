@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import kernels
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from ..recording import expand
@@ -92,9 +93,16 @@ class Regression:
         self._flat_offsets = self.offsets.reshape(-1).copy()
         self._lines = np.empty_like(self._flat_offsets)
         self._lines_by_state = self._lines.reshape(self.offsets.shape)
+        self._mean = None
+        if kernels.native is not None:
+            self._mean = kernels.native.Lines(self._flat_gains, self._flat_offsets, *self.gains.shape).mean
 
     def mean(self, weights: Array, x: Array, out: Array | None = None) -> Array:
         """Σ_i h_i y_i(x) as (Do,), for the tick: weights (K,), x (Di,); written into `out` when given."""
+        if self._mean is not None:
+            found = np.empty(len(self.outputs)) if out is None else out
+            if self._mean(weights, x, found):
+                return found
         np.dot(self._flat_gains, x, out=self._lines)
         self._lines += self._flat_offsets
         return np.dot(weights, self._lines_by_state, out=out)

@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import kernels
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from . import chains
-from .baum_welch import Chain, allowed_transitions, expect, from_labels, maximise
-from .gaussian import channel_names, floored, gaussian_blocks, log_density, probabilities
+from .baum_welch import Chain, allowed_transitions, expect, expectations_of, from_labels, maximise
+from .gaussian import channel_names, floored, gaussian_blocks, log_density, probabilities, whitening
 from .learning import (
     UNVISITED,
     Fit,
@@ -79,7 +80,18 @@ def log_likelihood(model: Hmm, sequences: Iterable[Any]) -> Array:
     """
     arrays = [_frames(model, x) for x in sequences]
     lengths = np.array([len(x) for x in arrays])
-    log_b = chains.padded(log_density(np.concatenate(arrays), model.means, model.covariances), lengths)
+    frames = np.concatenate(arrays)
+    if kernels.native is None or np.isnan(frames).any():
+        return _log_likelihood(model, frames, lengths)
+    white = whitening(model.means, model.covariances).arrays
+    found, failed = kernels.likelihoods(frames, kernels.planned(lengths), model.initial, model.transition, white)
+    if failed.any():
+        found[failed] = _log_likelihood(model, frames[np.repeat(failed, lengths)], lengths[failed])
+    return found
+
+
+def _log_likelihood(model: Hmm, frames: Array, lengths: np.ndarray) -> Array:
+    log_b = chains.padded(log_density(frames, model.means, model.covariances), lengths)
     *_, found = chains.forward_backward(log_b, lengths, chains.log_of(model.initial), chains.log_of(model.transition))
     return np.where(found < chains.IMPOSSIBLE, -np.inf, found)
 
@@ -95,15 +107,25 @@ def forward_backward(model: Hmm, sequence: Any) -> tuple[Array, Array, float]:
 
 def posteriors(model: Hmm, sequence: Any) -> Posteriors:
     """γ_t(i) of one sequence (T, D): uses the future too, so it is for analysis; `ForwardFilter` is for running."""
-    log_b = log_density(_frames(model, sequence), model.means, model.covariances)[None]
+    frames = _frames(model, sequence)
+    if kernels.native is not None and not np.isnan(frames).any():
+        white = whitening(model.means, model.covariances).arrays
+        groups = kernels.planned(np.array([len(frames)]))
+        sums = kernels.e_step(frames, groups, model.initial, model.transition, white, weights=True)
+        if sums.weights is not None and not sums.failed[0]:
+            return Posteriors(sums.weights, float(sums.log_likelihood[0]))
+    log_b = log_density(frames, model.means, model.covariances)[None]
     found = chains.expectations(log_b, np.array([log_b.shape[1]]), chains.log_of(model.initial), chains.log_of(model.transition))
     return Posteriors(found.weights, float(found.log_likelihood[0]))
 
 
 def viterbi(model: Hmm, sequence: Any) -> np.ndarray:
     """The most likely states (T,), integers, of one sequence (T, D)."""
-    log_b = log_density(_frames(model, sequence), model.means, model.covariances)
-    return chains.best_path(log_b, chains.log_of(model.initial), chains.log_of(model.transition))[0]
+    frames = _frames(model, sequence)
+    log_initial, log_transition = chains.log_of(model.initial), chains.log_of(model.transition)
+    if kernels.native is not None and model.n_states <= 256 and not np.isnan(frames).any():
+        return kernels.decode(frames, log_initial, log_transition, whitening(model.means, model.covariances).arrays)
+    return chains.best_path(log_density(frames, model.means, model.covariances), log_initial, log_transition)[0]
 
 
 class Sample(NamedTuple):
@@ -143,6 +165,7 @@ def fit_hmm(
     tolerance: float = 1e-5,
     allow_constant: float | Mapping[str, float] | None = None,
     outlier_ratio: float = 1e3,
+    n_threads: int = 1,
 ) -> Fit[Hmm]:
     """Learns an Hmm from several demonstrations, each (T, D), by Baum-Welch; statistics are summed over demonstrations.
 
@@ -157,6 +180,7 @@ def fit_hmm(
     tolerance         stop when the log-likelihood rises by less than this per frame
     allow_constant    standard deviation to assume for a channel that never changes (or by name); else it is an error
     outlier_ratio     a few frames this many times farther out than all others are an error; numpy.inf accepts them
+    n_threads         threads of the compiled E-step; any number gives the same bits. Worth it from some 1e5 frames on
 
     States come out in order of time. Read `Fit.notes`: what was removed, skipped or suspicious is said there.
     """
@@ -185,8 +209,8 @@ def fit_hmm(
             start = from_labels(lessons, labels, allowed, covariance_floor, topology)
         found = climb(
             start,
-            lambda p: expect(p, lessons),
-            lambda e, p: maximise(e, p, lessons.z, covariance_floor, transition_floor),
+            lambda p: expect(p, lessons, n_threads),
+            lambda e, p: maximise(e, p, covariance_floor, transition_floor),
             max_iterations=max_iterations,
             rise=tolerance * lessons.n_frames,
         )
@@ -211,14 +235,14 @@ def _from_model(lessons: Lessons, guess: Hmm, n_states: int, allowed: np.ndarray
 
 def _finished(p: Chain, trace: Array, converged: bool, *, lessons: Lessons, topology: str, allowed: np.ndarray) -> Fit[Hmm]:
     """Back to the channels' units, states in order of time, unvisited ones removed and reported."""
-    _, e = expect(p, lessons)
-    occupancy = e.weights.sum(axis=0)
+    weights = _weights(p, lessons)
+    occupancy = weights.sum(axis=0)
     unvisited = np.flatnonzero(occupancy < UNVISITED)
     say_unvisited(unvisited, len(occupancy), lessons.notes)
     say_converged(converged, len(trace) - 1, lessons.notes)
     order = np.arange(len(occupancy))
     if topology != "left-right":
-        order = np.argsort(lessons.normalised_time() @ e.weights / np.maximum(occupancy, 1e-300), kind="stable")
+        order = np.argsort(lessons.normalised_time() @ weights / np.maximum(occupancy, 1e-300), kind="stable")
     order = order[~np.isin(order, unvisited)]
     p = Chain(p.initial[order], p.transition[np.ix_(order, order)], p.means[order], p.covariances[order])
     rows = p.transition + np.diag(p.transition.sum(axis=1) <= 0.0)
@@ -241,8 +265,21 @@ def _finished(p: Chain, trace: Array, converged: bool, *, lessons: Lessons, topo
     )
 
 
+def _weights(p: Chain, lessons: Lessons) -> Array:
+    """γ (N, K) of every frame of the lessons."""
+    white = whitening(p.means, p.covariances)
+    if kernels.native is None:
+        return expectations_of(p, white, lessons.z, lessons.lengths).weights
+    sums = kernels.e_step(lessons.z, lessons.groups, p.initial, p.transition, white.arrays, weights=True)
+    assert sums.weights is not None
+    if sums.failed.any():
+        rows = np.repeat(sums.failed, lessons.lengths)
+        sums.weights[rows] = expectations_of(p, white, lessons.z[rows], lessons.lengths[sums.failed]).weights
+    return sums.weights
+
+
 def _frames(model: Hmm, sequence: Sequence[Any] | Array) -> Array:
     x = np.asarray(sequence, dtype=np.float64)
     if x.ndim != 2 or x.shape[1] != model.n_channels or not len(x):
         raise ChannelError(f"a sequence must be (T, {model.n_channels}) for channels {model.channels}; got {x.shape}")
-    return x
+    return np.ascontiguousarray(x)

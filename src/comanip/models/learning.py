@@ -92,6 +92,29 @@ def weighted_gaussians(z: Array, weights: Array, floor: float, before: tuple[Arr
     return means, floored(covariances, floor)
 
 
+def moments_about(origin: Array, z: Array, weights: Array) -> Array:
+    """Σ_n w_ni (z_n − origin, 1)(z_n − origin, 1)ᵀ, (K, D + 1, D + 1): occupancy, sums and products of every state."""
+    d = z.shape[1]
+    extended = np.ones((len(z), d + 1))
+    np.subtract(z, origin, out=extended[:, :d])
+    return np.stack([(extended * w[:, None]).T @ extended for w in weights.T])
+
+
+def gaussians_of_moments(moments: Array, origin: Array, floor: float, before: tuple[Array, Array]) -> tuple[Array, Array]:
+    """M-step from `moments_about`: centres (K, D), covariances (K, D, D). A state with no weight keeps what it had `before`."""
+    occupancy = moments[:, -1, -1]
+    visited = occupancy > 1e-10
+    shares = moments / np.where(visited, occupancy, 1.0)[:, None, None]
+    centres = shares[:, :-1, -1]
+    covariances = shares[:, :-1, :-1] - centres[:, :, None] * centres[:, None, :]
+    covariances = 0.5 * (covariances + np.swapaxes(covariances, 1, 2))
+    means = centres + origin
+    if not visited.all():
+        means = np.where(visited[:, None], means, before[0])
+        covariances = np.where(visited[:, None, None], covariances, before[1])
+    return means, floored(covariances, floor)
+
+
 def time_bins(lessons: Lessons, n_states: int, rng: np.random.Generator | None = None) -> np.ndarray:
     """Labels (N,): every demonstration cut into K parts of equal time.
 

@@ -10,10 +10,12 @@ import sys
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from .. import kernels
 from ..errors import ChannelError, ComanipWarning, ParameterError, TrainingError
 from ..interfaces import Array
 from ..recording import expand
@@ -55,6 +57,11 @@ class Lessons:
         """Σ log scale over all frames: subtract it from a log-likelihood in z to have the one in x."""
         return float(self.n_frames * np.log(self.scale).sum())
 
+    @cached_property
+    def groups(self) -> kernels.Plan:
+        """Which lessons the compiled E-step takes side by side."""
+        return kernels.planned(self.lengths)
+
     def normalised_time(self) -> Array:
         """(N,) in [0, 1): how far through its own demonstration each frame is."""
         return np.concatenate([(np.arange(n) + 0.5) / n for n in self.lengths])
@@ -93,7 +100,7 @@ def prepare(
     _refuse_outliers(x, lengths, names, outlier_ratio)
     offset = x.mean(axis=0)
     scale = _spread(x, offset, names, len(arrays), covariance_floor, allow_constant, notes)
-    z = (x - offset) / scale
+    z = np.ascontiguousarray((x - offset) / scale)
     _look_for_repeats(arrays, scale, notes)
     _look_for_collinearity(z, names, notes)
     return Lessons(z, lengths, offset, scale, names, notes)

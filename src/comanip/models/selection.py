@@ -39,9 +39,13 @@ def select_states(
     channels: Iterable[str],
     criterion: str = "bic",
     folds: int | None = None,
+    n_jobs: int = 1,
     **fit_options: Any,
 ) -> Selection:
     """Learns with each number of states and chooses the best; `fit_options` go to `fit_hmm`.
+
+    n_jobs  processes; −1 is one a core. The same seed gives the same scores whatever their number: each fit draws from a
+            generator of its own, spawned from `rng` in a fixed order.
 
     BIC counts frames as if independent, so it tends to too many states for smooth motions at a high rate; leaving
     demonstrations out (`folds`, default one at a time) asks what matters: does it hold for a demonstration not seen?
@@ -50,26 +54,42 @@ def select_states(
     if not tried:
         raise ParameterError("candidates is empty; try range(2, 9)")
     names = tuple(channels)
+    folds = len(sequences) if folds is None else folds
+    work: list[tuple[Any, ...]]
     if criterion == "bic":
-        scores = [fit_hmm(sequences, k, channels=names, **fit_options).bic for k in tried]
-    elif criterion == "cross-validation":
-        scores = [_left_out(sequences, k, names, folds, fit_options) for k in tried]
-    else:
+        work = [(_bic, sequences, k, names) for k in tried]
+    elif criterion != "cross-validation":
         raise ParameterError(f"criterion must be 'bic' or 'cross-validation'; got {criterion!r}")
-    table = np.array(scores)
+    elif not 2 <= folds <= len(sequences):
+        raise ParameterError(f"folds must be from 2 to the {len(sequences)} demonstrations; got {folds}")
+    else:
+        work = [(_left_out, (sequences, fold, folds), k, names) for k in tried for fold in range(folds)]
+    found = np.array(_all(work, n_jobs, fit_options))
+    table = found if criterion == "bic" else found.reshape(len(tried), folds).sum(axis=1) / sum(len(x) for x in sequences)
     table.setflags(write=False)
     return Selection(tried[int(table.argmin())], tried, table, criterion)
 
 
-def _left_out(sequences: Sequence[Any], k: int, names: tuple[str, ...], folds: int | None, options: dict[str, Any]) -> float:
-    """−log-likelihood per frame over all demonstrations, each scored by a model that has not seen it."""
-    folds = len(sequences) if folds is None else folds
-    if not 2 <= folds <= len(sequences):
-        raise ParameterError(f"folds must be from 2 to the {len(sequences)} demonstrations; got {folds}")
-    total, frames = 0.0, 0
-    for fold in range(folds):
-        out = [x for s, x in enumerate(sequences) if s % folds == fold]
-        model = fit_hmm([x for s, x in enumerate(sequences) if s % folds != fold], k, channels=names, **options).model
-        total -= float(log_likelihood(model, out).sum())
-        frames += sum(len(x) for x in out)
-    return total / frames
+def _all(work: Sequence[tuple[Any, ...]], n_jobs: int, options: dict[str, Any]) -> list[float]:
+    """Every score, in order. The longest fits come last in `work`, so they are handed out first."""
+    rng = options.pop("rng", None)
+    own = rng.spawn(len(work)) if rng is not None else [None] * len(work)
+    tasks = [(*item, options if r is None else {**options, "rng": r}) for item, r in zip(work, own, strict=True)]
+    if n_jobs == 1:
+        return [score(*rest) for score, *rest in tasks]
+    from joblib import Parallel, delayed
+
+    backwards = Parallel(n_jobs=n_jobs)(delayed(score)(*rest) for score, *rest in reversed(tasks))
+    return list(reversed(backwards))
+
+
+def _bic(sequences: Sequence[Any], k: int, names: tuple[str, ...], options: dict[str, Any]) -> float:
+    return fit_hmm(sequences, k, channels=names, **options).bic
+
+
+def _left_out(split: tuple[Sequence[Any], int, int], k: int, names: tuple[str, ...], options: dict[str, Any]) -> float:
+    """−log-likelihood of the demonstrations of one fold, under a model that has not seen them."""
+    sequences, fold, folds = split
+    out = [x for s, x in enumerate(sequences) if s % folds == fold]
+    model = fit_hmm([x for s, x in enumerate(sequences) if s % folds != fold], k, channels=names, **options).model
+    return -float(log_likelihood(model, out).sum())

@@ -1,0 +1,120 @@
+"""What every benchmark shares: data and a start from a seed, times in alternation, and the machine they were measured on."""
+
+from __future__ import annotations
+
+import gc
+import os
+import platform
+import time
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Problem(NamedTuple):
+    """Sequences stacked (N, D), their lengths, and a start that is neither good nor hopeless."""
+
+    frames: np.ndarray
+    lengths: np.ndarray
+    initial: np.ndarray
+    transition: np.ndarray
+    means: np.ndarray
+    covariances: np.ndarray
+
+    @property
+    def sequences(self) -> list[np.ndarray]:
+        return np.split(self.frames, np.cumsum(self.lengths)[:-1])
+
+
+def problem(lengths: Any, n_channels: int, n_states: int, seed: int = 0) -> Problem:
+    """Every sequence goes through the states in order, with noise; all transitions allowed, so that every peer can hold it."""
+    rng = np.random.default_rng(seed)
+    lengths = np.asarray(lengths)
+    centres = 2.0 * rng.normal(size=(n_states, n_channels))
+    phase = np.concatenate([np.linspace(0.0, n_states - 1e-9, n) for n in lengths]).astype(int)
+    frames = centres[phase] + rng.normal(size=(len(phase), n_channels))
+    transition = np.full((n_states, n_states), 0.1 / n_states) + 0.9 * np.eye(n_states)
+    return Problem(
+        frames,
+        lengths,
+        np.full(n_states, 1.0 / n_states),
+        transition / transition.sum(axis=1, keepdims=True),
+        centres + 0.3 * rng.normal(size=centres.shape),
+        np.tile(1.5 * np.eye(n_channels), (n_states, 1, 1)),
+    )
+
+
+def alternated(work: dict[str, Callable[[], Any]], repeats: int, budget_s: float = 20.0) -> dict[str, list[float]]:
+    """Seconds of each piece of work, taken in turns so that a busy machine hurts all alike; slow ones stop at `budget_s`."""
+    times: dict[str, list[float]] = {name: [] for name in work}
+    gc.collect()
+    for _ in range(repeats):
+        for name, call in work.items():
+            if sum(times[name]) > budget_s:
+                continue
+            before = time.perf_counter()
+            call()
+            times[name].append(time.perf_counter() - before)
+    return times
+
+
+def stay_on_one_core() -> None:
+    """Everybody gets one core, threads that start from now on included: XLA would take them all and leave them spinning."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
+def on_all_cores(call: Callable[[], Any]) -> Callable[[], Any]:
+    """The same call, with every core for the threads that it starts."""
+    if not hasattr(os, "sched_setaffinity"):
+        return call
+
+    def wrapped() -> Any:
+        before = os.sched_getaffinity(0)
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+        try:
+            return call()
+        finally:
+            os.sched_setaffinity(0, before)
+
+    return wrapped
+
+
+def median(times: list[float]) -> float:
+    return float(np.median(times))
+
+
+def dgemm_gflops(size: int = 1000, repeats: int = 5) -> float:
+    """One thread, when the environment says OPENBLAS_NUM_THREADS=1: the best this core did."""
+    a, b = np.random.default_rng(0).random((2, size, size))
+    return 2.0 * size**3 / min(alternated({"": lambda: a @ b}, repeats)[""]) / 1e9
+
+
+def flops_per_frame(n_channels: int, n_states: int) -> float:
+    """What an E-step cannot avoid: densities by triangles, exponentials, two products with the chain and ξ, moments."""
+    d, k = n_channels, n_states
+    return 2.0 * (k * (d * (d + 1) / 2 + d) + 13 * k + 3 * k * k + k * (d + 1) * (d + 2) / 2) + (d + 1) * (d + 2) / 2
+
+
+def described() -> dict[str, str]:
+    """The processor, the system, and the versions of everything that is measured."""
+    processor = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        pairs = (line.partition(":") for line in info.read_text().splitlines())
+        found = {name.strip(): value.strip() for name, _, value in pairs}
+        processor = f"{found.get('model name', processor)}, family {found.get('cpu family', '?')} model {found.get('model', '?')}"
+    packages = ("comanip", "numpy", "hmmlearn", "dynamax", "jax", "gmr", "pomegranate", "torch")
+    return {"processor": processor, "system": platform.platform(terse=True), "python": platform.python_version()} | {
+        name: _version(name) for name in packages
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "absent"

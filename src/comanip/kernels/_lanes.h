@@ -1,0 +1,750 @@
+/* The recursions, written once and compiled once for each instruction set: _native.c includes this file with
+ *
+ *     W         float64 numbers in one vector
+ *     NAME(x)   x with the instruction set's name behind it
+ *     TARGET    __attribute__((target(...))), or nothing
+ *
+ * A `vec` holds one number for each of W lanes. Where there are many sequences, a lane is a sequence (several, one after another,
+ * when they differ in length); where there is one, a lane is a frame for the densities and moments, and a state for the
+ * recursions. TILES vectors are worked on together, so that the latency of one multiplication hides behind seven others: arrays
+ * come in blocks [index][TILES], whose distances in memory the compiler knows.
+ */
+
+typedef double NAME(vec) __attribute__((vector_size(8 * W)));
+typedef long long NAME(ivec) __attribute__((vector_size(8 * W)));
+#define vec NAME(vec)
+#define ivec NAME(ivec)
+#define FN TARGET static
+#define INLINE TARGET static inline __attribute__((always_inline))
+#if W == 8
+#define EACH(at) (vec){at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7)}
+#elif W == 4
+#define EACH(at) (vec){at(0), at(1), at(2), at(3)}
+#else
+#define EACH(at) (vec){at(0), at(1)}
+#endif
+#define SELECT(mask, yes, no) ((vec)(((ivec)(mask) & (ivec)(yes)) | (~(ivec)(mask) & (ivec)(no))))
+
+INLINE vec NAME(all)(double x) { return x - (vec){0}; }
+
+INLINE vec NAME(larger)(vec a, vec b) { return SELECT(a > b, a, b); }
+
+INLINE vec NAME(gather)(const double *from, ptrdiff_t stride) {
+#define AT(l) from[(l) * stride]
+    return EACH(AT);
+#undef AT
+}
+
+INLINE double NAME(sum)(vec v) { /* half by half: the shortest way */
+#if W == 8
+    const Four four = ((Four *)&v)[0] + ((Four *)&v)[1];
+    const Two two = ((Two *)&four)[0] + ((Two *)&four)[1];
+#elif W == 4
+    const Two two = ((Two *)&v)[0] + ((Two *)&v)[1];
+#else
+    const Two two = v;
+#endif
+    return two[0] + two[1];
+}
+
+INLINE ivec NAME(mask)(unsigned bits) {
+    ivec m;
+    for (int l = 0; l < W; l++) m[l] = -(long long)(bits >> l & 1);
+    return m;
+}
+
+/* exp(x) for x <= 0, to 2e-16: 2^n (1 + r q(r)) with |r| <= log(2) / 2, and 0 below -708 where float64 ends. q is the
+ * interpolation of (exp(r) - 1) / r in 11 Chebyshev nodes; the form makes exp(0) exactly 1. */
+INLINE vec NAME(exp)(vec x) {
+    const double q[] = {1.0, 0x1.0000000000005p-1, 0x1.5555555555556p-3, 0x1.55555555520c5p-5, 0x1.11111111104c2p-7,
+                        0x1.6c16c17f3ec16p-10, 0x1.a01a01aa4e527p-13, 0x1.a019a6776a02cp-16, 0x1.71de06632f437p-19,
+                        0x1.28a2b5247ca8cp-22, 0x1.af465b9ec8668p-26};
+    const double magic = 0x1.8p52; /* adding it leaves the nearest whole number in the low bits */
+    const vec low = NAME(all)(-708.0);
+    const ivec vanishes = x < low;
+    x = SELECT(vanishes, low, x);
+    const vec shifted = x * 0x1.71547652b82fep0 + magic;
+    const vec n = shifted - magic;
+    const vec r = (x - n * 0x1.62e42fee00000p-1) - n * 0x1.a39ef35793c76p-33;
+    vec p = NAME(all)(q[10]);
+    for (int i = 9; i >= 0; i--) p = p * r + q[i];
+    p = p * r + 1.0;
+    const vec power = (vec)(((ivec)shifted << 52) + (1023LL << 52));
+    return (vec)(~vanishes & (ivec)(p * power));
+}
+
+/* ------------------------------------------------------------------------------------------------ densities */
+
+/* Frames `row` (TILES x W of them, -1 for none) become a block x [D + 1][TILES], around the model's origin, with a last 1:
+ * moments of (x, 1) hold occupancy, sums and products at once. */
+FN void NAME(load)(const Model *m, const double *frames, const int64_t *row, vec *x) {
+    const int D = m->D;
+    for (int b = 0; b < TILES; b++, row += W) {
+        const double *from[W];
+        for (int l = 0; l < W; l++) from[l] = row[l] < 0 ? m->origin : frames + row[l] * D;
+#define AT(l) from[l][d]
+        for (int d = 0; d < D; d++) x[d * TILES + b] = EACH(AT) - m->origin[d];
+#undef AT
+        x[D * TILES + b] = NAME(all)(1.0);
+    }
+}
+
+/* log N(x; mu_k, Sigma_k) of a block: out [K][TILES]. The inverse Cholesky factor is a triangle: D^2 / 2 products. */
+FN void NAME(log_density)(const Model *m, const vec *x, vec *out) {
+    const int D = m->D;
+    const double *factor = m->factors, *centre = m->centres;
+    for (int k = 0; k < m->K; k++, out += TILES) {
+        vec q[TILES] = {{0}};
+        for (int d = 0; d < D; d++) {
+            vec z[TILES];
+            const vec *xe = x;
+            for (int b = 0; b < TILES; b++) z[b] = NAME(all)(-*centre);
+            centre++;
+            for (const double *row_end = factor + d + 1; factor < row_end; factor++, xe += TILES)
+                for (int b = 0; b < TILES; b++) z[b] += *factor * xe[b];
+            for (int b = 0; b < TILES; b++) q[b] += z[b] * z[b];
+        }
+        for (int b = 0; b < TILES; b++) {
+            const vec value = m->peak[k] - 0.5 * q[b];
+            out[b] = NAME(larger)(value, NAME(all)(LEAST_LOG_DENSITY));
+        }
+    }
+}
+
+/* Log-densities of a block [K][TILES] become densities relative to the best state, whose logarithm goes to `top`. Only ratios
+ * between states matter, so a frame that nothing explains (1e5 N) keeps a finite meaning. */
+FN void NAME(relative)(vec *b, int K, vec *top) {
+    for (int t = 0; t < TILES; t++) top[t] = b[t];
+    for (vec *at = b + TILES; at < b + K * TILES; at += TILES)
+        for (int t = 0; t < TILES; t++) top[t] = NAME(larger)(top[t], at[t]);
+    for (vec *at = b; at < b + K * TILES; at += TILES)
+        for (int t = 0; t < TILES; t++) at[t] = NAME(exp)(at[t] - top[t]);
+}
+
+/* Sum of logarithms, kept as a product whose exponent is taken off at each step: no log() in the loop. */
+typedef struct { vec mantissa; ivec exponent; vec shift; } NAME(LogSum);
+#define LogSum NAME(LogSum)
+
+INLINE void NAME(add_log)(LogSum *sum, vec factor, vec shift) {
+    const ivec bits = (ivec)(sum->mantissa * factor);
+    sum->exponent += (bits >> 52) - 1023;
+    sum->mantissa = (vec)((bits & 0xfffffffffffffLL) | (1023LL << 52));
+    sum->shift += shift;
+}
+
+static inline double NAME(take_log)(LogSum *sum, int lane) {
+    const double found = log(sum->mantissa[lane]) + (double)sum->exponent[lane] * M_LN2 + sum->shift[lane];
+    sum->mantissa[lane] = 1.0;
+    sum->exponent[lane] = 0;
+    sum->shift[lane] = 0.0;
+    return found;
+}
+
+INLINE LogSum NAME(no_log)(void) { return (LogSum){NAME(all)(1.0), (ivec){0}, (vec){0}}; }
+
+/* -------------------------------------------------------------------------------------------------- moments */
+
+INLINE void NAME(corner)(vec *sums, ptrdiff_t stride, const vec *a, const vec *b, const int rows, const int columns) {
+    vec s[4][6];
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < columns; j++) s[i][j] = sums[i * stride + j];
+    for (int t = 0; t < TILES; t++)
+        for (int i = 0; i < rows; i++)
+            for (int j = 0; j < columns; j++) s[i][j] += a[i * TILES + t] * b[j * TILES + t];
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < columns; j++) sums[i * stride + j] = s[i][j];
+}
+
+/* sums[i][j] += sum over t of a[i][t] b[j][t], lane by lane; both counts even. A corner of the sums stays in registers while the
+ * block passes: at most one load a product instead of two loads and a store. AVX-512 has registers for 4 x 6. */
+FN void NAME(outer)(vec *sums, ptrdiff_t stride, const vec *a, int n_a, const vec *b, int n_b) {
+    int i = 0;
+    for (; W == 8 && i + 4 <= n_a; i += 4, a += 4 * TILES, sums += 4 * stride) {
+        int j = 0;
+        for (; j + 6 <= n_b; j += 6) NAME(corner)(sums + j, stride, a, b + j * TILES, 4, 6);
+        for (; j + 4 <= n_b; j += 4) NAME(corner)(sums + j, stride, a, b + j * TILES, 4, 4);
+        for (; j < n_b; j += 2) NAME(corner)(sums + j, stride, a, b + j * TILES, 4, 2);
+    }
+    for (; i < n_a; i += 2, a += 2 * TILES, sums += 2 * stride) {
+        int j = 0;
+        for (; j + 6 <= n_b; j += 6) NAME(corner)(sums + j, stride, a, b + j * TILES, 2, 6);
+        for (; j + 4 <= n_b; j += 4) NAME(corner)(sums + j, stride, a, b + j * TILES, 2, 4);
+        for (; j < n_b; j += 2) NAME(corner)(sums + j, stride, a, b + j * TILES, 2, 2);
+    }
+}
+
+/* sums[k] += sum over a block of weight[k] (x, 1)(x, 1)^T, upper triangle row by row; `products` is scratch. */
+FN void NAME(moments)(const Model *m, vec *sums, const vec *weight, const vec *x, vec *products) {
+    int i = 0, j = 0;
+    for (int from = 0; from < m->n_pairs; from += CHUNK) {
+        const int n = m->n_pairs - from < CHUNK ? m->n_pairs - from : CHUNK, even = n + (n & 1);
+        vec *to = products;
+        for (int p = 0; p < n; p++, to += TILES) {
+            for (int t = 0; t < TILES; t++) to[t] = x[i * TILES + t] * x[j * TILES + t];
+            if (++j > m->D) j = ++i;
+        }
+        if (even > n) memset(to, 0, sizeof(vec) * TILES);
+        NAME(outer)(sums + from, m->pairs, weight, m->Ke, products, even);
+    }
+}
+
+FN void NAME(add_lanes)(const vec *from, int stride, int n_rows, int n_columns, double *to) {
+    for (int i = 0; i < n_rows; i++)
+        for (int j = 0; j < n_columns; j++) to[i * n_columns + j] += NAME(sum)(from[i * stride + j]);
+}
+
+/* -------------------------------------------------------------------------------------- sequences side by side */
+
+INLINE void NAME(columns)(vec *out, int step, const vec *in, const double *matrix, int K, ptrdiff_t stride, const int n) {
+    vec s[6] = {{0}};
+    for (const vec *end = in + K * TILES; in < end; in += TILES, matrix += stride)
+        for (int j = 0; j < n; j++) s[j] += matrix[j] * *in;
+    for (int j = 0; j < n; j++) out[j * step] = s[j];
+}
+
+/* out[j] = sum_i in[i] matrix[i][j], for every lane; `in` is a column of a block. */
+INLINE void NAME(product)(vec *out, const int step, const vec *in, const double *matrix, int K, int Ke) {
+    int j = 0;
+    for (; j + 6 <= Ke; j += 6) NAME(columns)(out + j * step, step, in, matrix + j, K, Ke, 6);
+    for (; j + 4 <= Ke; j += 4) NAME(columns)(out + j * step, step, in, matrix + j, K, Ke, 4);
+    for (; j < Ke; j += 2) NAME(columns)(out + j * step, step, in, matrix + j, K, Ke, 2);
+}
+
+/* One group of sequences in W lanes. With a break before frame t the chain starts anew in that lane.
+ *
+ * Scaled recursions: with s_t the sum of alpha_t and r_t the power of two just above or at 1 / s_t
+ *     alpha_t(j) = sum_i alpha_{t-1}(i) a_ij  b_j(t) r_{t-1}     beta_t(i) = sum_j a_ij v_{t+1}(j)
+ *     v_{t+1}(j) = b_j(t+1) beta_{t+1}(j) r_t                    gamma_t(i) = alpha_t(i) beta_t(i)
+ *     xi_t(i, j) = alpha_t(i) a_ij v_{t+1}(j)                    log p = log s_T - sum_t log r_t
+ * A power of two costs no division and no rounding, its logarithm is a whole number, and it is made beside the next product, not
+ * between the two. beta starts as 1 / s_T and is at most 1 / alpha: it cannot overflow where alpha is not 0. Where the past
+ * excludes a state, its future is of no interest: beta is 0 there. */
+FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
+    const Model *m = job->model;
+    const int K = m->K, Ke = m->Ke, step = m->D + 1, all = (1 << W) - 1;
+    const int64_t *lane = job->lanes + (int64_t)g * W, *starts = job->starts;
+    int64_t length = 0, shortest = INT64_MAX, next[W];
+    ivec ends;
+    for (int l = 0; l < W; l++) {
+        int64_t n = 0;
+        for (int64_t o = lane[l]; o < lane[l + 1]; o++) n += starts[job->order[o] + 1] - starts[job->order[o]];
+        ends[l] = n;
+        next[l] = lane[l];
+        if (n > length) length = n;
+        if (n < shortest) shortest = n;
+    }
+    length = (length + TILES - 1) / TILES * TILES;
+
+    vec *x = (vec *)space;               /* blocks [D + 1][TILES] */
+    vec *ab = x + length * step;         /* blocks [2 Ke][TILES]: alpha, then b */
+    vec *scale = ab + length * 2 * Ke;   /* [length]: r_t */
+    vec *weight = scale + length;        /* [Ke][TILES] */
+    vec *v = weight + TILES * Ke;        /* [Ke][TILES] */
+    vec *beta = v + TILES * Ke;          /* [Ke] */
+    vec *first = beta + Ke;              /* [Ke] */
+    vec *pairs = first + Ke;             /* [Ke][pairs] */
+    vec *steps = pairs + (int64_t)Ke * m->pairs; /* [Ke][Ke] */
+    vec *products = steps + Ke * Ke;     /* [CHUNK][TILES] */
+    int64_t *row = (int64_t *)(products + TILES * CHUNK);    /* [length][W] */
+    unsigned char *breaks = (unsigned char *)(row + length * W); /* [length + 1] */
+
+    memset(row, 0xff, sizeof(int64_t) * length * W);
+    memset(breaks, 0, length + 1);
+    breaks[0] = breaks[length] = all;
+    for (int l = 0; l < W; l++) {
+        int64_t t = 0;
+        for (int64_t o = lane[l]; o < lane[l + 1]; o++) {
+            breaks[t] |= 1 << l;
+            for (int64_t r = starts[job->order[o]]; r < starts[job->order[o] + 1]; r++, t++) row[t * W + l] = r;
+        }
+        breaks[t] |= 1 << l;
+    }
+
+    ivec failed = {0}, exponent = {0};
+    int any_failed = 0;
+    vec r = NAME(all)(1.0), shift = {0}, top[TILES];
+    memset(v, 0, sizeof(vec) * TILES * Ke); /* serves as alpha before the first frame */
+    const vec *before = v;
+    for (int64_t t = 0; t < length; t++) {
+        vec *block = ab + (t - t % TILES) * 2 * Ke, *alpha = block + t % TILES, *b = alpha + Ke * TILES;
+        if (t % TILES == 0) {
+            NAME(load)(m, job->frames, row + t * W, x + t * step);
+            NAME(log_density)(m, x + t * step, b);
+            NAME(relative)(b, K, top);
+            if (Ke > K) memset(b + K * TILES, 0, sizeof(vec) * TILES);
+        }
+        NAME(product)(alpha, TILES, before, m->forward, K, Ke);
+        if (breaks[t]) {
+            const ivec anew = NAME(mask)(breaks[t]);
+            for (int k = 0; k < K; k++) alpha[k * TILES] = SELECT(anew, NAME(all)(m->initial[k]), alpha[k * TILES]);
+            r = SELECT(anew, NAME(all)(1.0), r);
+        }
+        vec even = {0}, odd = {0};
+        for (int k = 0; k < Ke; k += 2) {
+            even += alpha[k * TILES] *= b[k * TILES] * r;
+            odd += alpha[(k + 1) * TILES] *= b[(k + 1) * TILES] * r;
+        }
+        vec s = even + odd;
+        if (t >= shortest) { /* lanes that have nothing left */
+            const ivec alive = ends > t;
+            for (int k = 0; k < K; k++) alpha[k * TILES] = (vec)(alive & (ivec)alpha[k * TILES]);
+            s = SELECT(alive, s, NAME(all)(1.0));
+        }
+        const ivec fine = s >= LEAST_SCALE; /* false for NaN, too */
+        failed |= ~fine;
+        s = SELECT(fine, s, NAME(all)(1.0));
+        scale[t] = r = (vec)((2046LL << 52) - ((ivec)s & (2047LL << 52)));
+        shift += top[t % TILES];
+        before = alpha;
+        if (breaks[t + 1])
+            for (int l = 0; l < W; l++)
+                if (breaks[t + 1] >> l & 1 && next[l] < lane[l + 1] && t < ends[l]) {
+                    const int64_t sequence = job->order[next[l]++];
+                    job->log_likelihood[sequence] = log(s[l]) + (double)exponent[l] * M_LN2 + shift[l];
+                    any_failed |= job->failed[sequence] = failed[l] != 0;
+                    failed[l] = 0;
+                    exponent[l] = ((ivec)r)[l] >> 52 & 2047; /* so that the next line leaves nothing */
+                    exponent[l] -= 1023;
+                    shift[l] = 0.0;
+                }
+        exponent -= ((ivec)r >> 52) - 1023;
+    }
+    if (!job->statistics) return;
+    if (any_failed) /* without alpha a sequence adds nothing */
+        for (int l = 0; l < W; l++)
+            for (int64_t o = lane[l], t = 0; o < lane[l + 1]; o++)
+                for (int64_t n = starts[job->order[o] + 1] - starts[job->order[o]]; n > 0; n--, t++)
+                    if (job->failed[job->order[o]])
+                        for (int k = 0; k < K; k++) ab[(t - t % TILES) * 2 * Ke + k * TILES + t % TILES][l] = 0.0;
+
+    memset(beta, 0, sizeof(vec) * (2 * Ke + (int64_t)Ke * m->pairs + Ke * Ke)); /* beta, first, pairs, steps */
+    for (int64_t t = length - 1; t >= 0; t--) {
+        const int64_t tile = t % TILES, b_next = t + 1 - (t + 1) % TILES;
+        const vec *block = ab + (t - tile) * 2 * Ke, *alpha = block + tile;
+        const vec *b = ab + b_next * 2 * Ke + Ke * TILES + (t + 1) % TILES;
+        vec *vt = v + tile, *gamma = weight + tile;
+        const ivec over = NAME(mask)(breaks[t + 1]);
+        for (int k = 0; k < Ke; k++) vt[k * TILES] = t + 1 < length ? beta[k] * b[k * TILES] * scale[t] : (vec){0};
+        if (breaks[t + 1])
+            for (int k = 0; k < Ke; k++) vt[k * TILES] = (vec)(~over & (ivec)vt[k * TILES]);
+        NAME(product)(beta, 1, vt, m->backward, K, Ke);
+        if (breaks[t + 1]) {
+            vec s = {0};
+            for (int k = 0; k < K; k++) s += alpha[k * TILES];
+            for (int k = 0; k < K; k++) beta[k] = SELECT(over, 1.0 / s, beta[k]);
+        }
+        for (int k = 0; k < Ke; k++) {
+            beta[k] = (vec)((alpha[k * TILES] > 0.0) & (ivec)beta[k]);
+            gamma[k * TILES] = alpha[k * TILES] * beta[k];
+        }
+        if (breaks[t]) {
+            const ivec anew = NAME(mask)(breaks[t]);
+            for (int k = 0; k < Ke; k++) first[k] += (vec)(anew & (ivec)gamma[k * TILES]);
+        }
+        if (job->weights)
+            for (int l = 0; l < W; l++)
+                if (row[t * W + l] >= 0)
+                    for (int k = 0; k < K; k++) job->weights[row[t * W + l] * K + k] = gamma[k * TILES][l];
+        if (tile == 0) {
+            NAME(outer)(steps, Ke, block, Ke, v, Ke);
+            NAME(moments)(m, pairs, weight, x + t * step, products);
+        }
+    }
+    NAME(add_lanes)(pairs, m->pairs, K, m->n_pairs, slot);
+    NAME(add_lanes)(steps, Ke, K, K, slot + (int64_t)K * m->n_pairs);
+    NAME(add_lanes)(first, 1, K, 1, slot + (int64_t)K * m->n_pairs + K * K);
+}
+
+/* ----------------------------------------------------------------------------------------- one sequence alone */
+
+/* out[j] = sum_i in[i] matrix[i][j] with lanes across the states j: nv vectors an i. */
+INLINE void NAME(across)(vec *out, const double *in, const vec *matrix, int K, int nv) {
+    for (int v = 0; v < nv; v += 2) {
+        const int two = v + 1 < nv;
+        vec a = {0}, b = {0}, c = {0}, d = {0}; /* even and odd i apart: half the latency */
+        int i = 0;
+        if (two)
+            for (; i + 2 <= K; i += 2) {
+                a += in[i] * matrix[i * nv + v];
+                b += in[i] * matrix[i * nv + v + 1];
+                c += in[i + 1] * matrix[(i + 1) * nv + v];
+                d += in[i + 1] * matrix[(i + 1) * nv + v + 1];
+            }
+        else
+            for (; i + 2 <= K; i += 2) {
+                a += in[i] * matrix[i * nv + v];
+                c += in[i + 1] * matrix[(i + 1) * nv + v];
+            }
+        if (i < K) {
+            a += in[i] * matrix[i * nv + v];
+            if (two) b += in[i] * matrix[i * nv + v + 1];
+        }
+        out[v] = a + c;
+        if (two) out[v + 1] = b + d;
+    }
+}
+
+/* Rows of the TILES x W frames from `from` on, up to `to`. */
+INLINE void NAME(rows)(int64_t *row, int64_t from, int64_t to) {
+    for (int i = 0; i < TILES * W; i++) row[i] = from + i < to ? from + i : -1;
+}
+
+/* The same recursions for one sequence: lanes across frames for densities and moments, across states for alpha and beta. */
+FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slot) {
+    const Model *m = job->model;
+    const int K = m->K, Ke = m->Ke, nv = m->nv, BLOCK = TILES * W;
+    const int64_t begin = job->starts[sequence], end = job->starts[sequence + 1];
+    const int64_t length = end - begin, padded = (length + BLOCK - 1) / BLOCK * BLOCK;
+    const vec *forward = (const vec *)m->forward_across, *backward = (const vec *)m->backward_across;
+
+    vec *alpha = (vec *)space;          /* [padded][nv] */
+    vec *b = alpha + padded * nv;       /* [padded][nv] */
+    vec *v = b + padded * nv;           /* [BLOCK][nv] */
+    vec *gamma = v + BLOCK * nv;        /* [BLOCK][nv] */
+    vec *beta = gamma + BLOCK * nv;     /* [nv] */
+    vec *steps = beta + nv;             /* [K][nv] */
+    vec *x = steps + K * nv;            /* [TILES][D + 1] */
+    vec *tile = x + TILES * (m->D + 1); /* [nv W or Ke][TILES], zero behind the last state */
+    vec *pairs = tile + TILES * (nv * W > Ke ? nv * W : Ke); /* [Ke][pairs] */
+    vec *products = pairs + (int64_t)Ke * m->pairs;
+    double *scale = (double *)(products + TILES * CHUNK); /* [padded] */
+    int64_t row[TILES * W];
+
+    vec top[TILES];
+    double tops = 0.0, s = 1.0;
+    union { double number; int64_t bits; } r = {1.0};
+    int64_t exponent = 0;
+    memset(tile, 0, (char *)pairs - (char *)tile);
+    for (int64_t t0 = 0; t0 < length; t0 += BLOCK) {
+        NAME(rows)(row, begin + t0, end);
+        NAME(load)(m, job->frames, row, x);
+        NAME(log_density)(m, x, tile);
+        NAME(relative)(tile, K, top);
+        for (int i = 0; i < BLOCK; i++) {
+            for (int j = 0; j < nv; j++) b[(t0 + i) * nv + j] = NAME(gather)((double *)tile + j * W * BLOCK + i, BLOCK);
+            if (t0 + i < length) tops += ((double *)top)[i];
+        }
+        for (int64_t t = t0; t < t0 + BLOCK && t < length; t++) {
+            vec sums = {0}, *at = alpha + t * nv;
+            if (t > 0) NAME(across)(at, (double *)(at - nv), forward, K, nv);
+            else memcpy(at, m->initial, sizeof(vec) * nv);
+            for (int i = 0; i < nv; i++) sums += at[i] *= b[t * nv + i] * r.number;
+            exponent -= (r.bits >> 52) - 1023;
+            s = NAME(sum)(sums);
+            if (!(s >= LEAST_SCALE)) {
+                job->failed[sequence] = 1;
+                return;
+            }
+            r.number = s;
+            r.bits = (2046LL << 52) - (r.bits & (2047LL << 52));
+            scale[t] = r.number;
+        }
+    }
+    job->failed[sequence] = 0;
+    job->log_likelihood[sequence] = log(s) + (double)exponent * M_LN2 + tops;
+    if (!job->statistics) return;
+
+    memset(v, 0, sizeof(vec) * (2 * BLOCK * nv + nv + K * nv));
+    memset(pairs, 0, sizeof(vec) * Ke * m->pairs);
+    for (int64_t t0 = padded - BLOCK; t0 >= 0; t0 -= BLOCK) {
+        const int n = length - t0 < BLOCK ? (int)(length - t0) : BLOCK;
+        for (int i = n - 1; i >= 0; i--) {
+            const int64_t t = t0 + i;
+            vec *vt = v + i * nv, *at = alpha + t * nv;
+            if (t + 1 < length) {
+                for (int j = 0; j < nv; j++) vt[j] = beta[j] * b[(t + 1) * nv + j] * scale[t];
+                NAME(across)(beta, (double *)vt, backward, K, nv);
+            } else {
+                for (int j = 0; j < nv; j++) vt[j] = (vec){0}, beta[j] = NAME(all)(1.0 / s);
+            }
+            for (int j = 0; j < nv; j++) {
+                beta[j] = (vec)((at[j] > 0.0) & (ivec)beta[j]);
+                gamma[i * nv + j] = at[j] * beta[j];
+            }
+        }
+        for (int i = n; i < BLOCK; i++)
+            for (int j = 0; j < nv; j++) gamma[i * nv + j] = v[i * nv + j] = (vec){0};
+        for (int k = 0; k < K; k += 2) /* steps[k] += alpha_t(k) v_{t+1}, two states and two vectors at a time */
+            for (int j = 0; j < nv; j += 2) {
+                const int down = k + 1 < K ? 1 : 0, right = j + 1 < nv ? 1 : 0;
+                vec s00 = {0}, s01 = {0}, s10 = {0}, s11 = {0};
+                for (int i = 0; i < n; i++) {
+                    const double *at = (double *)(alpha + (t0 + i) * nv) + k;
+                    const vec *vt = v + i * nv + j;
+                    s00 += at[0] * vt[0];
+                    s01 += at[0] * vt[right];
+                    s10 += at[down] * vt[0];
+                    s11 += at[down] * vt[right];
+                }
+                steps[k * nv + j] += s00;
+                if (right) steps[k * nv + j + 1] += s01;
+                if (down) steps[(k + 1) * nv + j] += s10;
+                if (down && right) steps[(k + 1) * nv + j + 1] += s11;
+            }
+        for (int k = 0; k < K; k++)
+            for (int i = 0; i < TILES; i++) tile[k * TILES + i] = NAME(gather)((double *)(gamma + i * W * nv) + k, nv * W);
+        if (job->weights)
+            for (int i = 0; i < n; i++) memcpy(job->weights + (begin + t0 + i) * K, gamma + i * nv, sizeof(double) * K);
+        NAME(rows)(row, begin + t0, end);
+        NAME(load)(m, job->frames, row, x);
+        NAME(moments)(m, pairs, tile, x, products);
+    }
+    NAME(add_lanes)(pairs, m->pairs, K, m->n_pairs, slot);
+    double *transitions = slot + (int64_t)K * m->n_pairs, *first = transitions + K * K;
+    for (int i = 0; i < K; i++)
+        for (int j = 0; j < K; j++) transitions[i * K + j] += ((double *)(steps + i * nv))[j];
+    for (int k = 0; k < K; k++) first[k] += ((double *)gamma)[k];
+}
+
+/* A mixture: no dynamics, so every frame is alone with the weights of the states. Group g is frames from g * PIECE on. */
+FN void NAME(mixture)(const Job *job, int g, double *space, double *slot) {
+    const Model *m = job->model;
+    const int K = m->K, Ke = m->Ke, BLOCK = TILES * W;
+    const int64_t begin = (int64_t)g * PIECE, end = begin + PIECE < job->n_frames ? begin + PIECE : job->n_frames;
+    vec *x = (vec *)space, *tile = x + TILES * (m->D + 1), *pairs = tile + TILES * Ke;
+    vec *products = pairs + (int64_t)Ke * m->pairs;
+    int64_t row[TILES * W];
+    vec top[TILES];
+    LogSum logs = NAME(no_log)();
+    memset(pairs, 0, sizeof(vec) * Ke * m->pairs);
+    for (int64_t t0 = begin; t0 < end; t0 += BLOCK) {
+        NAME(rows)(row, t0, end);
+        NAME(load)(m, job->frames, row, x);
+        NAME(log_density)(m, x, tile);
+        for (int k = 0; k < K; k++)
+            for (int i = 0; i < TILES; i++) tile[k * TILES + i] += m->log_initial[k];
+        NAME(relative)(tile, K, top);
+        if (Ke > K) memset(tile + K * TILES, 0, sizeof(vec) * TILES);
+        for (int i = 0; i < TILES; i++) {
+            vec *h = tile + i, s = {0};
+            for (int k = 0; k < K; k++) s += h[k * TILES];
+            const int64_t left = end - t0 - i * W;
+            const ivec alive = NAME(mask)(left >= W ? (1u << W) - 1 : left > 0 ? (1u << left) - 1 : 0);
+            const vec r = (vec)(alive & (ivec)(1.0 / s));
+            for (int k = 0; k < K; k++) h[k * TILES] *= r;
+            NAME(add_log)(&logs, SELECT(alive, s, NAME(all)(1.0)), (vec)(alive & (ivec)top[i]));
+            for (int l = 0; l < W && l < left && job->weights; l++)
+                for (int k = 0; k < K; k++) job->weights[row[i * W + l] * K + k] = h[k * TILES][l];
+        }
+        NAME(moments)(m, pairs, tile, x, products);
+    }
+    NAME(add_lanes)(pairs, m->pairs, K, m->n_pairs, slot);
+    double total = 0.0;
+    for (int l = 0; l < W; l++) total += NAME(take_log)(&logs, l);
+    job->log_likelihood[g] = total;
+}
+
+/* Viterbi of one sequence: lanes across frames for densities, across states for the best way here. Of equally good ways the first. */
+FN void NAME(decode)(const Job *job, int64_t sequence, double *space, int64_t *path, double *score) {
+    const Model *m = job->model;
+    const int K = m->K, Ke = m->Ke, nv = m->nv, Kp = nv * W, BLOCK = TILES * W;
+    const int64_t begin = job->starts[sequence], end = job->starts[sequence + 1], length = end - begin;
+    const vec *log_forward = (const vec *)m->forward_across;
+    vec *x = (vec *)space, *tile = x + TILES * (m->D + 1), *best = tile + TILES * Ke, *now = best + nv;
+    unsigned char *from = (unsigned char *)(now + nv); /* [length][Kp] */
+    int64_t row[TILES * W];
+    for (int64_t t0 = 0; t0 < length; t0 += BLOCK) {
+        NAME(rows)(row, begin + t0, end);
+        NAME(load)(m, job->frames, row, x);
+        NAME(log_density)(m, x, tile);
+        for (int64_t t = t0; t < t0 + BLOCK && t < length; t++) {
+            double *b = (double *)now;
+            for (int j = 0; j < nv; j++) {
+                vec top = NAME(all)(-INFINITY);
+                ivec who = {0};
+                for (int i = 0; t > 0 && i < K; i++) {
+                    const vec way = ((double *)best)[i] + log_forward[i * nv + j];
+                    const ivec better = way > top;
+                    top = SELECT(better, way, top);
+                    who = (better & i) | (~better & who);
+                }
+                now[j] = t > 0 ? top : ((const vec *)m->log_initial)[j];
+                for (int l = 0; l < W; l++) from[t * Kp + j * W + l] = (unsigned char)who[l];
+            }
+            for (int k = 0; k < K; k++) b[k] += ((double *)tile)[k * TILES * W + t - t0];
+            memcpy(best, now, sizeof(vec) * nv);
+        }
+    }
+    const double *last = (double *)best;
+    int state = 0;
+    for (int k = 1; k < K; k++)
+        if (last[k] > last[state]) state = k;
+    *score = last[state];
+    for (int64_t t = length - 1; t >= 0; t--) {
+        path[begin + t] = state;
+        state = from[t * Kp + state];
+    }
+}
+
+/* ---------------------------------------------------------------------------------------------------- on line */
+
+/* One tick, lanes across states; the mathematics and the constants are those of models/filtering.py. Gives 0, with nothing
+ * changed, where that has to take over: something is missing, or the weights would need logarithms. */
+FN int NAME(tick)(Tick *f, const double *xi) {
+    const int D = f->D, K = f->K, nv = f->nv;
+    double offset[MOST_CHANNELS], far = 0.0;
+    for (int d = 0; d < D; d++) {
+        offset[d] = xi[d] - f->origin[d];
+        far += offset[d] * offset[d];
+    }
+    if (!(far < UNBELIEVABLE * UNBELIEVABLE)) return 0; /* NaN compares false */
+    vec *log_b = (vec *)f->log_b, *h = (vec *)f->h, *predicted = (vec *)f->predicted;
+    const vec *factors = (const vec *)f->factors, *centres = (const vec *)f->centres, *peak = (const vec *)f->peak;
+    vec tops = NAME(all)(-INFINITY);
+    for (int v = 0; v < nv; v++) {
+        vec q = {0};
+        for (int d = 0, at = v; d < D; d++) {
+            vec z = -centres[d * nv + v];
+            for (int e = 0; e <= d; e++, at += nv) z += offset[e] * factors[at];
+            q += z * z;
+        }
+        log_b[v] = peak[v] - 0.5 * q; /* lanes behind the last state have a peak of -infinity */
+        tops = NAME(larger)(log_b[v], tops);
+    }
+    double best = tops[0];
+    for (int l = 1; l < W; l++) best = tops[l] > best ? tops[l] : best;
+    if (f->state[FRESH] != 0.0) memcpy(predicted, f->initial, sizeof(vec) * nv);
+    else NAME(across)(predicted, f->weights, (const vec *)f->chain, K, nv);
+    vec sums = {0}, largest = {0};
+    for (int v = 0; v < nv; v++) {
+        h[v] = predicted[v] * NAME(exp)(NAME(larger)(log_b[v] - best, NAME(all)(-f->gate)));
+        sums += h[v];
+        largest = NAME(larger)(largest, h[v]);
+    }
+    const double total = NAME(sum)(sums);
+    if (!(total > 1e-250)) return 0; /* terms below 1e-308 are lost: too many of them here */
+    double top = largest[0];
+    for (int l = 1; l < W; l++) top = largest[l] > top ? largest[l] : top;
+    const int hopeless = top < HOPELESS;
+    if (hopeless && f->state[HOPELESS_TICKS] + 1.0 >= f->patience) return 0;
+    f->state[FRESH] = 0.0;
+    f->state[HOPELESS_TICKS] = hopeless ? f->state[HOPELESS_TICKS] + 1.0 : 0.0;
+    f->state[LAST_LOG_LIKELIHOOD] = best + log(total);
+    f->state[LOG_LIKELIHOOD] += f->state[LAST_LOG_LIKELIHOOD];
+    const double scale = 1.0 / total;
+    for (int k = 0; k < K; k++) f->weights[k] = ((double *)h)[k] * scale;
+    return 1;
+}
+
+/* sum_k h_k (gains_k x + offsets_k), lanes across states. */
+FN void NAME(line)(const Line *r, const double *weights, const double *x, double *out) {
+    vec *h = (vec *)r->h;
+    const vec *gains = (const vec *)r->gains, *offsets = (const vec *)r->offsets;
+    memcpy(h, weights, sizeof(double) * r->K); /* zero behind the last state since it was made */
+    for (int o = 0; o < r->n_out; o++) {
+        vec sums = {0};
+        for (int v = 0; v < r->nv; v++) {
+            vec y = offsets[o * r->nv + v];
+            for (int i = 0; i < r->n_in; i++) y += x[i] * gains[(o * r->n_in + i) * r->nv + v];
+            sums += h[v] * y;
+        }
+        out[o] = NAME(sum)(sums);
+    }
+}
+
+/* One lane of n columns becomes n numbers side by side. */
+INLINE void NAME(path)(double *to, const double *from, int n) {
+    int i = 0;
+    for (; i + W <= n; i += W) {
+        const vec v = NAME(gather)(from + (ptrdiff_t)i * TILES * W, TILES * W);
+        memcpy(to + i, &v, sizeof v);
+    }
+    for (; i < n; i++) to[i] = from[(ptrdiff_t)i * TILES * W];
+}
+
+/* TILES x W roll-outs at once, lanes across them: filter, regression, Euler. The gate keeps a weight from being forgotten and a
+ * frame without explanation from deciding alone, exactly as in a tick. */
+FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
+    const Model *m = job->model;
+    const int K = m->K, Ke = m->Ke, D = m->D, d = job->n_axes, f = job->n_forces, n_in = d + f, BLOCK = TILES * W;
+    const int64_t begin = (int64_t)g * BLOCK, T = job->length;
+    const int channels = 2 * d + f;
+    vec *now = (vec *)space;               /* [position, force, velocity][TILES] */
+    vec *x = now + TILES * channels;       /* [D + 1][TILES] */
+    vec *b = x + TILES * (D + 1);          /* [Ke][TILES] */
+    vec *h = b + TILES * Ke;               /* [Ke][TILES], and the prediction */
+    vec *next = h + TILES * Ke;            /* [Ke][TILES] */
+    vec *forces = next + TILES * Ke;       /* [RUN][f][TILES] */
+    vec *positions = forces + RUN * f * TILES;     /* [RUN][d][TILES] */
+    vec *velocities = positions + RUN * d * TILES; /* [RUN][d][TILES] */
+    int64_t who[TILES * W];
+    for (int i = 0; i < BLOCK; i++) {
+        who[i] = begin + i < job->n ? begin + i : job->n - 1; /* lanes left over repeat the last */
+        for (int a = 0; a < d; a++) ((double *)now)[a * BLOCK + i] = job->start[who[i] * d + a];
+        for (int a = 0; a < d; a++) ((double *)now)[(n_in + a) * BLOCK + i] = 0.0;
+    }
+    for (int k = 0; k < Ke; k++)
+        for (int i = 0; i < TILES; i++) next[k * TILES + i] = NAME(all)(k < K ? m->initial[k] : 0.0);
+    for (int64_t t = 0; t < T; t++) { /* paths leave every RUN steps: to touch 192 rows at each would cost more than all arithmetic */
+        const int run = (int)(t % RUN);
+        if (run == 0)
+            for (int i = 0; i < TILES; i++) {
+                const double *from[W];
+                for (int l = 0; l < W; l++) from[l] = job->force + (who[i * W + l] * job->force_step + t) * f;
+#define AT(l) from[l][a]
+                for (int a = 0; a < f * (T - t < RUN ? T - t : RUN); a++) forces[a * TILES + i] = EACH(AT);
+#undef AT
+            }
+        memcpy(now + d * TILES, forces + run * f * TILES, sizeof(vec) * f * TILES);
+        for (int c = 0; c < D; c++)
+            for (int i = 0; i < TILES; i++) x[c * TILES + i] = now[job->source[c] * TILES + i] - m->origin[c];
+        NAME(log_density)(m, x, b);
+        vec top[TILES], s[TILES] = {{0}};
+        for (int i = 0; i < TILES; i++) top[i] = b[i];
+        for (int k = 1; k < K; k++)
+            for (int i = 0; i < TILES; i++) top[i] = NAME(larger)(top[i], b[k * TILES + i]);
+        for (int k = 0; k < K; k++)
+            for (int i = 0; i < TILES; i++) {
+                const vec lead = NAME(larger)(b[k * TILES + i] - top[i], NAME(all)(-job->gate));
+                s[i] += h[k * TILES + i] = NAME(exp)(lead) * next[k * TILES + i];
+            }
+        for (int i = 0; i < TILES; i++) s[i] = 1.0 / NAME(larger)(s[i], NAME(all)(1e-300));
+        for (int k = 0; k < K; k++)
+            for (int i = 0; i < TILES; i++) h[k * TILES + i] *= s[i];
+        const double *gain = job->gains, *offset = job->offsets; /* gains [d][n_in][K], offsets [d][K] */
+        for (int o = 0; o < d; o++, offset += K) {
+            vec y[TILES] = {{0}};
+            for (int k = 0; k < K; k++)
+                for (int i = 0; i < TILES; i++) y[i] += offset[k] * h[k * TILES + i];
+            for (int c = 0; c < n_in; c++, gain += K) { /* the states' gains, blended, and then times the input */
+                vec slope[TILES] = {{0}};
+                for (int k = 0; k < K; k++)
+                    for (int i = 0; i < TILES; i++) slope[i] += gain[k] * h[k * TILES + i];
+                for (int i = 0; i < TILES; i++) y[i] += slope[i] * now[c * TILES + i];
+            }
+            for (int i = 0; i < TILES; i++) now[(n_in + o) * TILES + i] = y[i];
+        }
+        memcpy(positions + run * d * TILES, now, sizeof(vec) * d * TILES);
+        memcpy(velocities + run * d * TILES, now + n_in * TILES, sizeof(vec) * d * TILES);
+        if (run == RUN - 1 || t == T - 1)
+            for (int64_t i = 0; i < BLOCK && begin + i < job->n; i++) {
+                const int64_t to = ((begin + i) * T + t - run) * d;
+                NAME(path)(job->position + to, (double *)positions + i, (run + 1) * d);
+                NAME(path)(job->velocity + to, (double *)velocities + i, (run + 1) * d);
+            }
+        for (int o = 0; o < d; o++)
+            for (int i = 0; i < TILES; i++) now[o * TILES + i] += job->dt * now[(n_in + o) * TILES + i];
+        for (int j = 0; j < K; j++) {
+            vec p[TILES] = {{0}};
+            for (int k = 0; k < K; k++)
+                for (int i = 0; i < TILES; i++) p[i] += m->forward[k * Ke + j] * h[k * TILES + i];
+            for (int i = 0; i < TILES; i++) next[j * TILES + i] = p[i];
+        }
+    }
+}
+
+static const Level NAME(level) = {
+    LEVEL_NAME, W, NAME(group), NAME(alone), NAME(mixture), NAME(decode), NAME(tick), NAME(line), NAME(rollouts),
+};
+
+#undef vec
+#undef ivec
+#undef FN
+#undef INLINE
+#undef SELECT
+#undef EACH
+#undef LogSum
+#undef W
+#undef NAME
+#undef TARGET
+#undef LEVEL_NAME

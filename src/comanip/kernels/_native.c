@@ -1,0 +1,819 @@
+/* The loops that cost time, compiled: E-step, decoding, one on-line tick, roll-outs. Arrays in, arrays out.
+ *
+ * The mathematics is that of the readable twins in comanip.models, and a test holds the two together. Here is only what makes it
+ * fast: several sequences ride in the lanes of one vector, a group of them stays in the L2 cache from the forward pass to the sums,
+ * and nothing is written twice. Arrays come through the buffer protocol and the stable ABI, so that one wheel fits every numpy and
+ * every Python from 3.11 on. Sizes are checked here, meanings in kernels/__init__.py.
+ */
+
+#define PY_SSIZE_T_CLEAN
+#define Py_LIMITED_API 0x030B0000
+#include <Python.h>
+
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#ifndef M_LN2
+#define M_LN2 0.693147180559945309417
+#endif
+
+#define TILES 8               /* vectors in flight: a multiplication takes 4 cycles and 2 start in each */
+#define CHUNK 36              /* products x_i x_j kept at a time: TILES x CHUNK vectors fit in L1; even */
+#define RUN 8                 /* steps of a roll-out between visits to its own arrays */
+#define PIECE 4096            /* frames of a mixture that make one unit of work */
+#define SLOTS 16              /* partial sums, whatever the number of threads: the same order of additions, the same bits */
+#define MOST_CHANNELS 256
+#define MOST_THREADS 64
+#define LEAST_LOG_DENSITY -1e100 /* as in models/gaussian.py */
+#define LEAST_SCALE 1e-280    /* below it what was lost under 1e-308 could matter: the sequence goes to the logarithmic twin */
+#define UNBELIEVABLE 1e100    /* as in models/filtering.py */
+#define HOPELESS 2.0611536224385579e-09 /* exp(-20), as in models/filtering.py */
+
+enum { FRESH, HOPELESS_TICKS, RESTARTS, LAST_LOG_LIKELIHOOD, LOG_LIKELIHOOD, STATE_SIZE }; /* ForwardFilter._state */
+
+typedef struct {             /* Gaussians and a chain, laid out for the recursions */
+    int D, K, Ke, nv;        /* channels, states, states made even, vectors that hold one number a state */
+    int n_pairs, pairs;      /* products x_i x_j of (x, 1), and that made even */
+    double *origin, *factors, *centres, *peak; /* Whitening; factors packed (K, D (D + 1) / 2) */
+    double *initial, *log_initial;
+    double *forward, *backward;               /* [Ke][Ke] a_ij and its transpose */
+    double *forward_across, *backward_across; /* [K][nv W] the same for lanes across states */
+} Model;
+
+typedef struct {
+    const Model *model;
+    const double *frames;
+    int64_t n_frames;
+    const int64_t *starts;  /* (S + 1) rows where sequences begin */
+    const int64_t *order;   /* sequences, lane by lane */
+    const int64_t *lanes;   /* (groups W + 1) where lanes begin in `order` */
+    double *log_likelihood, *weights;
+    unsigned char *failed;
+    int statistics;
+} Job;
+
+typedef struct {             /* ForwardFilter: everything padded to whole vectors of states */
+    int D, K, nv, patience;
+    double gate;
+    double *origin, *factors, *centres, *peak, *chain, *initial, *log_b, *h, *predicted;
+    double *weights, *state; /* owned by Python */
+} Tick;
+
+typedef struct {
+    int K, nv, n_in, n_out;
+    double *gains, *offsets, *h;
+} Line;
+
+typedef struct {
+    const Model *model;
+    int n_axes, n_forces;
+    int64_t n, length, force_step; /* force_step: T when every roll-out has its own forces, else 0 */
+    const double *start, *force, *gains, *offsets;
+    const int64_t *source;         /* (D) which of (position, force, velocity) each channel of the evidence is */
+    double gate, dt, *position, *velocity;
+} Rollouts;
+
+typedef struct {
+    const char *name;
+    int lanes;
+    void (*group)(const Job *, int, double *, double *);
+    void (*alone)(const Job *, int64_t, double *, double *);
+    void (*mixture)(const Job *, int, double *, double *);
+    void (*decode)(const Job *, int64_t, double *, int64_t *, double *);
+    int (*tick)(Tick *, const double *);
+    void (*line)(const Line *, const double *, const double *, double *);
+    void (*rollouts)(const Rollouts *, int, double *);
+} Level;
+
+typedef double Two __attribute__((vector_size(16)));
+typedef double Four __attribute__((vector_size(32)));
+
+#if defined(__x86_64__)
+#define W 8
+#define NAME(x) x##_avx512
+#define TARGET __attribute__((target("avx512f,avx512dq,avx512vl,avx512bw,avx2,fma")))
+#define LEVEL_NAME "avx512"
+#include "_lanes.h"
+#define W 4
+#define NAME(x) x##_avx2
+#define TARGET __attribute__((target("avx2,fma")))
+#define LEVEL_NAME "avx2"
+#include "_lanes.h"
+#endif
+#define W 2 /* SSE2 and NEON, and what a compiler makes of two numbers elsewhere */
+#define NAME(x) x##_plain
+#define TARGET
+#define LEVEL_NAME "plain"
+#include "_lanes.h"
+
+static const Level *const LEVELS[] = {
+#if defined(__x86_64__)
+    &level_avx512, &level_avx2,
+#endif
+    &level_plain,
+};
+enum { N_LEVELS = sizeof LEVELS / sizeof *LEVELS };
+static const Level *active;
+
+static int runs_here(const Level *level) {
+#if defined(__x86_64__)
+    if (level == &level_avx512)
+        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl") &&
+               __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("fma");
+    if (level == &level_avx2) return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+#endif
+    return 1;
+}
+
+/* Numbers below 1e-308 cost a hundred cycles each and mean nothing here. They are flushed to zero while a kernel runs, in its own
+ * thread, and the thread gets its mode back: a library that switches the whole process changes other people's results. */
+#if defined(__x86_64__)
+#include <immintrin.h>
+typedef unsigned Mode;
+static Mode flush_denormals(void) {
+    const Mode before = _mm_getcsr();
+    _mm_setcsr(before | 0x8040);
+    return before;
+}
+static void restore(Mode mode) { _mm_setcsr(mode); }
+#elif defined(__aarch64__)
+typedef uint64_t Mode;
+static Mode flush_denormals(void) {
+    Mode before;
+    __asm__ volatile("mrs %0, fpcr" : "=r"(before));
+    __asm__ volatile("msr fpcr, %0" ::"r"(before | 1 << 24));
+    return before;
+}
+static void restore(Mode mode) { __asm__ volatile("msr fpcr, %0" ::"r"(mode)); }
+#else
+typedef int Mode;
+static Mode flush_denormals(void) { return 0; }
+static void restore(Mode mode) { (void)mode; }
+#endif
+
+/* ------------------------------------------------------------------------------------------------------- memory */
+
+static double *aligned(size_t doubles) { return aligned_alloc(64, (doubles * sizeof(double) + 127) / 64 * 64); }
+
+/* One block is kept between calls: EM asks for the same workspace hundreds of times, and fresh pages cost more than small models.
+ * Taken and given back under the GIL. Its size stands in front of it. */
+static double *spare;
+enum { MOST_SPARE = 4 << 20, HEADER = 8 }; /* doubles */
+
+static double *take_space(size_t doubles) {
+    double *block = spare;
+    spare = NULL;
+    if (block && block[0] < (double)doubles) {
+        free(block);
+        block = NULL;
+    }
+    if (!block && (block = aligned(doubles + HEADER))) block[0] = (double)doubles;
+    return block ? block + HEADER : NULL;
+}
+
+static void give_space(double *space) {
+    double *block = space - HEADER;
+    if (spare || block[0] > MOST_SPARE) free(block);
+    else spare = block;
+}
+
+typedef struct { Py_buffer view; } Array;
+
+/* Contiguous numbers of 8 bytes from any object with the buffer protocol; -1 with a Python error. `count` < 0 takes any number. */
+static int get(Array *array, PyObject *object, int writable, Py_ssize_t count, Py_ssize_t size, const char *name) {
+    if (PyObject_GetBuffer(object, &array->view, writable ? PyBUF_WRITABLE : PyBUF_SIMPLE) < 0) return -1;
+    if (count >= 0 && array->view.len != count * size) {
+        PyErr_Format(PyExc_ValueError, "%s has %zd bytes; expected %zd", name, array->view.len, count * size);
+        PyBuffer_Release(&array->view);
+        array->view.obj = NULL;
+        return -1;
+    }
+    return 0;
+}
+
+enum { MOST_ARRAYS = 20 };
+typedef struct { Array at[MOST_ARRAYS]; int n; } Arrays;
+
+static void *take(Arrays *arrays, PyObject *object, int writable, Py_ssize_t count, Py_ssize_t size, const char *name) {
+    if (PyErr_Occurred() || get(&arrays->at[arrays->n], object, writable, count, size, name) < 0) return NULL;
+    return arrays->at[arrays->n++].view.buf;
+}
+
+#define NUMBERS(object, count) take(&arrays, object, 0, count, 8, #object)
+#define RESULT(object, count) take(&arrays, object, 1, count, 8, #object)
+
+static void release(Arrays *arrays) {
+    for (int i = 0; i < arrays->n; i++) PyBuffer_Release(&arrays->at[i].view);
+}
+
+static Py_ssize_t count_of(PyObject *object) {
+    Array array;
+    if (get(&array, object, 0, -1, 8, "") < 0) return -1;
+    const Py_ssize_t n = array.view.len / 8;
+    PyBuffer_Release(&array.view);
+    return n;
+}
+
+/* -------------------------------------------------------------------------------------------------------- models */
+
+static double *carve(double **from, size_t n) {
+    double *block = *from;
+    *from += (n + 7) / 8 * 8;
+    return block;
+}
+
+static int vectors(int n) { return (n + active->lanes - 1) / active->lanes; }
+
+/* Takes apart a Whitening; `transition` may be NULL for a mixture. Gives the block to free, or NULL. */
+static double *lay_out(Model *m, int D, int K, const double *origin, const double *factors, const double *centres,
+                       const double *peak, const double *initial, const double *transition) {
+    const int Ke = K + (K & 1), nv = vectors(K), Kp = nv * active->lanes, triangle = D * (D + 1) / 2;
+    m->D = D, m->K = K, m->Ke = Ke, m->nv = nv;
+    m->n_pairs = (D + 1) * (D + 2) / 2;
+    m->pairs = m->n_pairs + (m->n_pairs & 1);
+    const size_t size = D + (size_t)K * triangle + K * D + K + 2 * (Kp + 2) + 2 * (size_t)Ke * Ke + 2 * (size_t)K * Kp + 128;
+    double *block = aligned(size), *free_from = block;
+    if (!block) return NULL;
+    memset(block, 0, size * sizeof(double));
+    m->origin = carve(&free_from, D);
+    m->factors = carve(&free_from, (size_t)K * triangle);
+    m->centres = carve(&free_from, (size_t)K * D);
+    m->peak = carve(&free_from, K);
+    m->initial = carve(&free_from, Kp + 2);
+    m->log_initial = carve(&free_from, Kp + 2);
+    m->forward = carve(&free_from, (size_t)Ke * Ke);
+    m->backward = carve(&free_from, (size_t)Ke * Ke);
+    m->forward_across = carve(&free_from, (size_t)K * Kp);
+    m->backward_across = carve(&free_from, (size_t)K * Kp);
+    memcpy(m->origin, origin, sizeof(double) * D);
+    memcpy(m->centres, centres, sizeof(double) * K * D);
+    memcpy(m->peak, peak, sizeof(double) * K);
+    double *to = m->factors;
+    for (int row = 0; row < K * D; row++)
+        for (int e = 0; e <= row % D; e++) *to++ = factors[(size_t)row * D + e];
+    for (int i = 0; i < K; i++) m->log_initial[i] = m->initial[i] = initial[i];
+    for (int i = 0; i < K && transition; i++)
+        for (int j = 0; j < K; j++) {
+            const double a = transition[i * K + j];
+            m->forward[i * Ke + j] = m->backward[j * Ke + i] = a;
+            m->forward_across[i * Kp + j] = m->backward_across[j * Kp + i] = a;
+        }
+    return block;
+}
+
+/* ------------------------------------------------------------------------------------------------------- threads */
+
+typedef struct {
+    const Job *job;
+    const Rollouts *rollouts;
+    const Level *level;
+    int n_groups, n_slots, mixture;
+    size_t space_size, slot_size;
+    double *space, *slots;
+    atomic_int next_slot, next_space;
+} Work;
+
+static void *work(void *argument) {
+    Work *w = argument;
+    double *space = w->space + w->space_size * atomic_fetch_add(&w->next_space, 1);
+    const int lanes = w->level->lanes;
+    const Mode mode = flush_denormals();
+    for (int s; (s = atomic_fetch_add(&w->next_slot, 1)) < w->n_slots;)
+        for (int g = s; g < w->n_groups; g += w->n_slots) {
+            double *slot = w->slots + w->slot_size * s;
+            const int64_t *lane = w->mixture || w->rollouts ? NULL : w->job->lanes + (int64_t)g * lanes;
+            if (w->rollouts) w->level->rollouts(w->rollouts, g, space);
+            else if (w->mixture) w->level->mixture(w->job, g, space, slot);
+            else if (lane[lanes] - lane[0] == 1) w->level->alone(w->job, w->job->order[lane[0]], space, slot);
+            else w->level->group(w->job, g, space, slot);
+        }
+    restore(mode);
+    return NULL;
+}
+
+static size_t common_space(const Model *m, int lanes) { /* what does not grow with the length of a sequence */
+    const size_t Ke = m->Ke;
+    return lanes * (Ke * m->pairs + Ke * Ke + 4 * TILES * Ke + 4 * Ke + TILES * CHUNK + TILES * (m->D + 1)) + 64;
+}
+
+static size_t space_of(const Job *job, int g, int lanes) {
+    const Model *m = job->model;
+    const int64_t *lane = job->lanes + (int64_t)g * lanes;
+    int64_t length = 0;
+    for (int l = 0; l < lanes; l++) {
+        int64_t n = 0;
+        for (int64_t o = lane[l]; o < lane[l + 1]; o++) n += job->starts[job->order[o] + 1] - job->starts[job->order[o]];
+        length = n > length ? n : length;
+    }
+    if (lane[lanes] - lane[0] == 1) {
+        const size_t block = TILES * lanes, padded = (length + block - 1) / block * block;
+        return common_space(m, lanes) + padded * (2 * m->nv * lanes + 1) + lanes * m->nv * (2 * block + 1 + m->K + TILES * lanes);
+    }
+    const size_t padded = (length + TILES - 1) / TILES * TILES;
+    return common_space(m, lanes) + padded * lanes * (m->D + 1 + 2 * m->Ke + 2) + padded / 8 + 8;
+}
+
+/* Runs all groups and leaves the sum of all slots in w->slots; -1 without memory. */
+static int run(Work *w, int n_threads) {
+    pthread_t threads[MOST_THREADS];
+    int started = 0;
+    if (n_threads > w->n_slots) n_threads = w->n_slots;
+    if (n_threads > MOST_THREADS) n_threads = MOST_THREADS;
+    if (n_threads < 1) n_threads = 1;
+    w->space_size = (w->space_size + 7) / 8 * 8;
+    const size_t size = w->space_size * n_threads + w->slot_size * w->n_slots;
+    if (!(w->space = take_space(size))) return -1;
+    w->slots = w->space + w->space_size * n_threads;
+    Py_BEGIN_ALLOW_THREADS
+    memset(w->slots, 0, sizeof(double) * w->slot_size * w->n_slots);
+    while (started + 1 < n_threads && pthread_create(&threads[started], NULL, work, w) == 0) started++;
+    work(w);
+    for (int i = 0; i < started; i++) pthread_join(threads[i], NULL);
+    for (int s = 1; s < w->n_slots; s++)
+        for (size_t i = 0; i < w->slot_size; i++) w->slots[i] += w->slots[s * w->slot_size + i];
+    Py_END_ALLOW_THREADS
+    return 0;
+}
+
+static void unpack_moments(const Model *m, const double *slots, double *moments) {
+    const int n = m->D + 1;
+    for (int k = 0; k < m->K; k++)
+        for (int i = 0; i < n; i++)
+            for (int j = i; j < n; j++) moments[(k * n + i) * n + j] = moments[(k * n + j) * n + i] = *slots++;
+}
+
+static int plan_is_sound(const int64_t *starts, int64_t S, int64_t N, const int64_t *order, int64_t n_order, const int64_t *lanes,
+                         int64_t n_lanes) {
+    if (starts[0] < 0 || starts[S] > N) return 0;
+    for (int64_t s = 0; s < S; s++)
+        if (starts[s + 1] <= starts[s]) return 0;
+    for (int64_t o = 0; o < n_order; o++)
+        if (order[o] < 0 || order[o] >= S) return 0;
+    if (lanes[0] < 0 || lanes[n_lanes] > n_order) return 0;
+    for (int64_t l = 0; l < n_lanes; l++)
+        if (lanes[l + 1] < lanes[l]) return 0;
+    return 1;
+}
+
+/* ----------------------------------------------------------------------------------------------- Python functions */
+
+static PyObject *e_step(PyObject *self, PyObject *args) {
+    PyObject *frames, *starts, *order, *lanes, *initial, *transition, *origin, *factors, *centres, *peak, *moments, *transitions,
+        *first, *log_likelihood, *failed, *weights;
+    int n_threads;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOOOOOOi", &frames, &starts, &order, &lanes, &initial, &transition, &origin, &factors,
+                          &centres, &peak, &moments, &transitions, &first, &log_likelihood, &failed, &weights, &n_threads))
+        return NULL;
+    const Py_ssize_t D = count_of(origin), K = count_of(peak), S = count_of(starts) - 1, n_order = count_of(order);
+    const Py_ssize_t n_lanes = count_of(lanes) - 1, N = D > 0 ? count_of(frames) / D : 0;
+    if (PyErr_Occurred()) return NULL;
+    if (D < 1 || K < 1 || S < 1 || n_lanes < active->lanes || n_lanes % active->lanes)
+        return PyErr_Format(PyExc_ValueError, "nothing to do, or a plan for other lanes than %d", active->lanes);
+    Arrays arrays = {.n = 0};
+    PyObject *result = NULL;
+    Model model;
+    const int statistics = moments != Py_None;
+    Job job = {.model = &model, .n_frames = N, .statistics = statistics};
+    job.frames = NUMBERS(frames, N * D);
+    job.starts = NUMBERS(starts, S + 1);
+    job.order = NUMBERS(order, n_order);
+    job.lanes = NUMBERS(lanes, n_lanes + 1);
+    const double *pi = NUMBERS(initial, K), *a = NUMBERS(transition, K * K), *o = NUMBERS(origin, D), *f = NUMBERS(factors, K * D * D);
+    const double *c = NUMBERS(centres, K * D), *p = NUMBERS(peak, K);
+    job.log_likelihood = RESULT(log_likelihood, S);
+    job.failed = take(&arrays, failed, 1, S, 1, "failed");
+    double *m_out = NULL, *t_out = NULL, *f_out = NULL;
+    if (statistics) m_out = RESULT(moments, K * (D + 1) * (D + 1)), t_out = RESULT(transitions, K * K), f_out = RESULT(first, K);
+    if (weights != Py_None) job.weights = RESULT(weights, N * K);
+    double *block = NULL;
+    if (PyErr_Occurred()) goto done;
+    if (!plan_is_sound(job.starts, S, N, job.order, n_order, job.lanes, n_lanes)) {
+        PyErr_SetString(PyExc_ValueError, "the plan does not fit the sequences");
+        goto done;
+    }
+    if (!(block = lay_out(&model, (int)D, (int)K, o, f, c, p, pi, a))) {
+        PyErr_NoMemory();
+        goto done;
+    }
+    Work w = {.job = &job, .level = active, .n_groups = (int)(n_lanes / active->lanes)};
+    w.n_slots = w.n_groups < SLOTS ? w.n_groups : SLOTS;
+    w.slot_size = ((size_t)K * model.n_pairs + K * K + K + 7) / 8 * 8;
+    for (int g = 0; g < w.n_groups; g++) {
+        const size_t size = space_of(&job, g, active->lanes);
+        w.space_size = size > w.space_size ? size : w.space_size;
+    }
+    if (run(&w, n_threads) < 0) {
+        PyErr_NoMemory();
+        goto done;
+    }
+    if (statistics) {
+        unpack_moments(&model, w.slots, m_out);
+        const double *steps = w.slots + (size_t)K * model.n_pairs;
+        for (Py_ssize_t i = 0; i < K * K; i++) t_out[i] = a[i] * steps[i];
+        memcpy(f_out, steps + K * K, sizeof(double) * K);
+    }
+    give_space(w.space);
+    int any = 0;
+    for (Py_ssize_t s = 0; s < S; s++) any |= job.failed[s];
+    result = PyBool_FromLong(any);
+done:
+    free(block);
+    release(&arrays);
+    return result;
+}
+
+static PyObject *mixture(PyObject *self, PyObject *args) {
+    PyObject *frames, *log_weights, *origin, *factors, *centres, *peak, *moments, *weights;
+    int n_threads;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "OOOOOOOOi", &frames, &log_weights, &origin, &factors, &centres, &peak, &moments, &weights, &n_threads))
+        return NULL;
+    const Py_ssize_t D = count_of(origin), K = count_of(peak), N = D > 0 ? count_of(frames) / D : 0;
+    if (PyErr_Occurred()) return NULL;
+    if (D < 1 || K < 1 || N < 1) return PyErr_Format(PyExc_ValueError, "nothing to do");
+    Arrays arrays = {.n = 0};
+    PyObject *result = NULL;
+    Model model;
+    Job job = {.model = &model, .n_frames = N};
+    job.frames = NUMBERS(frames, N * D);
+    const double *pi = NUMBERS(log_weights, K), *o = NUMBERS(origin, D), *f = NUMBERS(factors, K * D * D);
+    const double *c = NUMBERS(centres, K * D), *p = NUMBERS(peak, K);
+    double *m_out = RESULT(moments, K * (D + 1) * (D + 1)), *block = NULL;
+    if (weights != Py_None) job.weights = RESULT(weights, N * K);
+    if (PyErr_Occurred()) goto done;
+    Work w = {.job = &job, .level = active, .n_groups = (int)((N + PIECE - 1) / PIECE), .mixture = 1};
+    w.n_slots = w.n_groups < SLOTS ? w.n_groups : SLOTS;
+    job.log_likelihood = malloc(sizeof(double) * w.n_groups);
+    block = lay_out(&model, (int)D, (int)K, o, f, c, p, pi, NULL);
+    if (job.log_likelihood && block) {
+        w.slot_size = ((size_t)K * model.n_pairs + 7) / 8 * 8;
+        w.space_size = common_space(&model, active->lanes);
+    }
+    if (!job.log_likelihood || !block || run(&w, n_threads) < 0) {
+        PyErr_NoMemory();
+        goto done;
+    }
+    unpack_moments(&model, w.slots, m_out);
+    give_space(w.space);
+    double total = 0.0;
+    for (int g = 0; g < w.n_groups; g++) total += job.log_likelihood[g];
+    result = PyFloat_FromDouble(total);
+done:
+    free(job.log_likelihood);
+    free(block);
+    release(&arrays);
+    return result;
+}
+
+static PyObject *decode(PyObject *self, PyObject *args) {
+    PyObject *frames, *log_initial, *log_transition, *origin, *factors, *centres, *peak, *path;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "OOOOOOOO", &frames, &log_initial, &log_transition, &origin, &factors, &centres, &peak, &path))
+        return NULL;
+    const Py_ssize_t D = count_of(origin), K = count_of(peak), N = D > 0 ? count_of(frames) / D : 0;
+    if (PyErr_Occurred()) return NULL;
+    if (D < 1 || K < 1 || K > 256 || N < 1) return PyErr_Format(PyExc_ValueError, "nothing to do, or more than 256 states");
+    Arrays arrays = {.n = 0};
+    PyObject *result = NULL;
+    Model model;
+    const int64_t starts[] = {0, N};
+    Job job = {.model = &model, .n_frames = N, .starts = starts};
+    job.frames = NUMBERS(frames, N * D);
+    const double *pi = NUMBERS(log_initial, K), *a = NUMBERS(log_transition, K * K), *o = NUMBERS(origin, D);
+    const double *f = NUMBERS(factors, K * D * D), *c = NUMBERS(centres, K * D), *p = NUMBERS(peak, K);
+    int64_t *states = RESULT(path, N);
+    double *block = NULL, score = 0.0;
+    if (PyErr_Occurred()) goto done;
+    block = lay_out(&model, (int)D, (int)K, o, f, c, p, pi, a);
+    const size_t size = block ? common_space(&model, active->lanes) + ((size_t)N * model.nv * active->lanes) / 8 + 64 : 0;
+    double *space = block ? take_space(size) : NULL;
+    if (!space) {
+        PyErr_NoMemory();
+        goto done;
+    }
+    const Level *level = active;
+    Py_BEGIN_ALLOW_THREADS
+    const Mode mode = flush_denormals();
+    level->decode(&job, 0, space, states, &score);
+    restore(mode);
+    Py_END_ALLOW_THREADS
+    give_space(space);
+    result = PyFloat_FromDouble(score);
+done:
+    free(block);
+    release(&arrays);
+    return result;
+}
+
+static PyObject *rollouts(PyObject *self, PyObject *args) {
+    PyObject *start, *force, *source, *initial, *transition, *origin, *factors, *centres, *peak, *gains, *offsets, *position, *velocity;
+    double gate, dt;
+    int n_threads;
+    Py_ssize_t d, f, n, T;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "nnnnOOOOOOOOOOOddOOi", &d, &f, &n, &T, &start, &force, &source, &initial, &transition, &origin,
+                          &factors, &centres, &peak, &gains, &offsets, &gate, &dt, &position, &velocity, &n_threads))
+        return NULL;
+    const Py_ssize_t D = count_of(origin), K = count_of(peak), n_force = count_of(force);
+    if (PyErr_Occurred()) return NULL;
+    if (D < 1 || K < 1 || d < 1 || f < 0 || n < 1 || T < 1 || (n_force != T * f && n_force != n * T * f))
+        return PyErr_Format(PyExc_ValueError, "nothing to do, or forces of another shape");
+    Arrays arrays = {.n = 0};
+    PyObject *result = NULL;
+    Model model;
+    Rollouts job = {.model = &model, .n_axes = (int)d, .n_forces = (int)f, .n = n, .length = T, .gate = gate, .dt = dt};
+    job.force_step = n_force == T * f ? 0 : T;
+    job.start = NUMBERS(start, n * d);
+    job.force = NUMBERS(force, n_force);
+    job.source = NUMBERS(source, D);
+    const double *pi = NUMBERS(initial, K), *a = NUMBERS(transition, K * K), *o = NUMBERS(origin, D), *fa = NUMBERS(factors, K * D * D);
+    const double *c = NUMBERS(centres, K * D), *p = NUMBERS(peak, K);
+    job.gains = NUMBERS(gains, d * (d + f) * K);
+    job.offsets = NUMBERS(offsets, d * K);
+    job.position = RESULT(position, n * T * d);
+    job.velocity = RESULT(velocity, n * T * d);
+    double *block = NULL;
+    if (PyErr_Occurred()) goto done;
+    for (Py_ssize_t i = 0; i < D; i++)
+        if (job.source[i] < 0 || job.source[i] >= 2 * d + f) {
+            PyErr_SetString(PyExc_ValueError, "a channel of the evidence has no source");
+            goto done;
+        }
+    block = lay_out(&model, (int)D, (int)K, o, fa, c, p, pi, a);
+    const Level *level = active;
+    Work w = {.rollouts = &job, .level = level, .n_groups = (int)((n + TILES * level->lanes - 1) / (TILES * level->lanes))};
+    w.n_slots = w.n_groups;
+    w.space_size = block ? common_space(&model, level->lanes) + (size_t)level->lanes * TILES * (RUN + 1) * (2 * d + f) : 0;
+    if (!block || run(&w, n_threads) < 0) {
+        PyErr_NoMemory();
+        goto done;
+    }
+    give_space(w.space);
+    result = Py_NewRef(Py_None);
+done:
+    free(block);
+    release(&arrays);
+    return result;
+}
+
+/* ------------------------------------------------------------------------------------------------- prepared objects */
+
+typedef struct {
+    PyObject_HEAD
+    Tick tick;
+    const Level *level;
+    double *block;
+    Array weights, state;
+} Filter;
+
+static void across_states(double *to, const double *from, int n_rows, int K, int Kp) { /* (rows, K) -> (rows, Kp) */
+    for (int i = 0; i < n_rows; i++) memcpy(to + (size_t)i * Kp, from + (size_t)i * K, sizeof(double) * K);
+}
+
+static void transposed(double *to, const double *from, int K, int n, int Kp) { /* (K, n) -> (n, Kp) */
+    for (int k = 0; k < K; k++)
+        for (int i = 0; i < n; i++) to[(size_t)i * Kp + k] = from[(size_t)k * n + i];
+}
+
+static PyObject *filter_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
+    PyObject *origin, *factors, *centres, *peak, *initial, *chain, *weights, *state;
+    double gate;
+    int patience;
+    (void)keywords;
+    if (!PyArg_ParseTuple(args, "OOOOOOOOdi", &origin, &factors, &centres, &peak, &initial, &chain, &weights, &state, &gate, &patience))
+        return NULL;
+    const Py_ssize_t D = count_of(origin), K = count_of(peak);
+    if (PyErr_Occurred()) return NULL;
+    if (D < 1 || K < 1 || D > MOST_CHANNELS) return PyErr_Format(PyExc_ValueError, "from 1 to %d channels", MOST_CHANNELS);
+    Filter *self = (Filter *)PyType_GenericAlloc(type, 0);
+    if (!self) return NULL;
+    Arrays arrays = {.n = 0};
+    const double *o = NUMBERS(origin, D), *f = NUMBERS(factors, K * D * D), *c = NUMBERS(centres, K * D), *p = NUMBERS(peak, K);
+    const double *pi = NUMBERS(initial, K), *a = NUMBERS(chain, K * K);
+    if (PyErr_Occurred() || get(&self->weights, weights, 1, K, 8, "weights") < 0 || get(&self->state, state, 1, STATE_SIZE, 8, "state") < 0)
+        goto wrong;
+    Tick *t = &self->tick;
+    self->level = active;
+    t->D = (int)D, t->K = (int)K, t->nv = vectors((int)K), t->gate = gate, t->patience = patience;
+    const size_t Kp = (size_t)t->nv * active->lanes, triangle = D * (D + 1) / 2;
+    const size_t size = D + Kp * (triangle + D + K + 5) + 128;
+    double *from = self->block = aligned(size);
+    if (!from) {
+        PyErr_NoMemory();
+        goto wrong;
+    }
+    memset(from, 0, size * sizeof(double));
+    t->origin = carve(&from, D);
+    t->factors = carve(&from, triangle * Kp);
+    t->centres = carve(&from, D * Kp);
+    t->chain = carve(&from, K * Kp);
+    t->peak = carve(&from, Kp);
+    t->initial = carve(&from, Kp);
+    t->log_b = carve(&from, Kp);
+    t->h = carve(&from, Kp);
+    t->predicted = carve(&from, Kp);
+    memcpy(t->origin, o, sizeof(double) * D);
+    for (Py_ssize_t k = 0; k < K; k++) {
+        size_t at = 0;
+        for (Py_ssize_t d = 0; d < D; d++)
+            for (Py_ssize_t e = 0; e <= d; e++) t->factors[Kp * at++ + k] = f[(k * D + d) * D + e];
+    }
+    transposed(t->centres, c, (int)K, (int)D, (int)Kp);
+    across_states(t->chain, a, (int)K, (int)K, (int)Kp);
+    across_states(t->initial, pi, 1, (int)K, (int)Kp);
+    for (size_t k = 0; k < Kp; k++) t->peak[k] = k < (size_t)K ? p[k] : -INFINITY;
+    t->weights = self->weights.view.buf;
+    t->state = self->state.view.buf;
+    release(&arrays);
+    return (PyObject *)self;
+wrong:
+    release(&arrays);
+    Py_DecRef((PyObject *)self);
+    return NULL;
+}
+
+static void filter_dealloc(PyObject *object) {
+    Filter *self = (Filter *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    if (self->weights.view.obj) PyBuffer_Release(&self->weights.view);
+    if (self->state.view.obj) PyBuffer_Release(&self->state.view);
+    free(self->block);
+    freefunc release_object = (freefunc)PyType_GetSlot(type, Py_tp_free);
+    release_object(object);
+    Py_DecRef((PyObject *)type);
+}
+
+/* float64 numbers of a contiguous array, `n` of them; anything else is for the twin. */
+static int vector(Array *array, PyObject *object, Py_ssize_t n, int writable) {
+    if (PyObject_GetBuffer(object, &array->view, PyBUF_FORMAT | PyBUF_C_CONTIGUOUS | (writable ? PyBUF_WRITABLE : 0)) < 0) {
+        PyErr_Clear();
+        return 0;
+    }
+    const char *format = array->view.format;
+    if (array->view.ndim == 1 && array->view.len == n * 8 && format && format[0] == 'd' && !format[1]) return 1;
+    PyBuffer_Release(&array->view);
+    return 0;
+}
+
+static PyObject *filter_step(PyObject *object, PyObject *xi) {
+    Filter *self = (Filter *)object;
+    Array array;
+    if (!vector(&array, xi, self->tick.D, 0)) Py_RETURN_FALSE;
+    const int done = self->level->tick(&self->tick, array.view.buf);
+    PyBuffer_Release(&array.view);
+    return PyBool_FromLong(done);
+}
+
+typedef struct {
+    PyObject_HEAD
+    Line line;
+    const Level *level;
+    double *block;
+} Lines;
+
+static PyObject *lines_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
+    PyObject *gains, *offsets;
+    int n_states, n_in, n_out;
+    (void)keywords;
+    if (!PyArg_ParseTuple(args, "OOiii", &gains, &offsets, &n_states, &n_out, &n_in)) return NULL;
+    if (n_states < 1 || n_in < 1 || n_out < 1) return PyErr_Format(PyExc_ValueError, "states, inputs and outputs must be at least 1");
+    Lines *self = (Lines *)PyType_GenericAlloc(type, 0);
+    if (!self) return NULL;
+    Arrays arrays = {.n = 0};
+    const double *g = NUMBERS(gains, (Py_ssize_t)n_states * n_out * n_in), *o = NUMBERS(offsets, (Py_ssize_t)n_states * n_out);
+    Line *r = &self->line;
+    *r = (Line){.K = n_states, .nv = vectors(n_states), .n_in = n_in, .n_out = n_out};
+    self->level = active;
+    const size_t Kp = (size_t)r->nv * active->lanes, size = Kp * ((size_t)n_out * n_in + n_out + 1) + 64;
+    double *from = PyErr_Occurred() ? NULL : (self->block = aligned(size));
+    if (!from) {
+        if (!PyErr_Occurred()) PyErr_NoMemory();
+        release(&arrays);
+        Py_DecRef((PyObject *)self);
+        return NULL;
+    }
+    memset(from, 0, size * sizeof(double));
+    r->gains = carve(&from, Kp * n_out * n_in);
+    r->offsets = carve(&from, Kp * n_out);
+    r->h = carve(&from, Kp);
+    transposed(r->gains, g, n_states, n_out * n_in, (int)Kp);
+    transposed(r->offsets, o, n_states, n_out, (int)Kp);
+    release(&arrays);
+    return (PyObject *)self;
+}
+
+static void lines_dealloc(PyObject *object) {
+    PyTypeObject *type = Py_TYPE(object);
+    free(((Lines *)object)->block);
+    freefunc release_object = (freefunc)PyType_GetSlot(type, Py_tp_free);
+    release_object(object);
+    Py_DecRef((PyObject *)type);
+}
+
+static PyObject *lines_mean(PyObject *object, PyObject *const *args, Py_ssize_t n) {
+    Lines *self = (Lines *)object;
+    Array weights, x, out;
+    if (n != 3) return PyErr_Format(PyExc_TypeError, "mean takes weights, x and out");
+    if (!vector(&weights, args[0], self->line.K, 0)) Py_RETURN_FALSE;
+    int done = 0;
+    if (vector(&x, args[1], self->line.n_in, 0)) {
+        if (vector(&out, args[2], self->line.n_out, 1)) {
+            self->level->line(&self->line, weights.view.buf, x.view.buf, out.view.buf);
+            PyBuffer_Release(&out.view);
+            done = 1;
+        }
+        PyBuffer_Release(&x.view);
+    }
+    PyBuffer_Release(&weights.view);
+    return PyBool_FromLong(done);
+}
+
+/* --------------------------------------------------------------------------------------------------------- module */
+
+static PyObject *levels(PyObject *self, PyObject *none) {
+    (void)self, (void)none;
+    PyObject *names = PyList_New(0);
+    for (int i = 0; names && i < N_LEVELS; i++) {
+        PyObject *name = runs_here(LEVELS[i]) ? PyUnicode_FromString(LEVELS[i]->name) : NULL;
+        if (name && PyList_Append(names, name) < 0) PyErr_Clear();
+        Py_XDECREF(name);
+    }
+    return names;
+}
+
+static PyObject *level(PyObject *self, PyObject *none) {
+    (void)self, (void)none;
+    return PyUnicode_FromString(active->name);
+}
+
+static PyObject *lanes(PyObject *self, PyObject *none) {
+    (void)self, (void)none;
+    return PyLong_FromLong(active->lanes);
+}
+
+static PyObject *use(PyObject *self, PyObject *args) {
+    const char *name;
+    (void)self;
+    if (!PyArg_ParseTuple(args, "s", &name)) return NULL;
+    for (int i = 0; i < N_LEVELS; i++)
+        if (strcmp(LEVELS[i]->name, name) == 0 && runs_here(LEVELS[i])) {
+            active = LEVELS[i];
+            Py_RETURN_NONE;
+        }
+    return PyErr_Format(PyExc_ValueError, "this processor does not run %s", name);
+}
+
+static PyMethodDef functions[] = {
+    {"e_step", e_step, METH_VARARGS, "Expectations of a hidden Markov model over planned groups; True when a sequence needs the twin."},
+    {"mixture", mixture, METH_VARARGS, "Moments of a mixture and the log-likelihood of all frames."},
+    {"decode", decode, METH_VARARGS, "Viterbi path of one sequence; gives its log-probability."},
+    {"rollouts", rollouts, METH_VARARGS, "Many roll-outs of a learned velocity law."},
+    {"levels", levels, METH_NOARGS, "Instruction sets that run here, fastest first."},
+    {"level", level, METH_NOARGS, "The instruction set in use."},
+    {"lanes", lanes, METH_NOARGS, "float64 numbers in one vector of it."},
+    {"use", use, METH_VARARGS, "Choose an instruction set; objects made before keep theirs."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyMethodDef filter_methods[] = {
+    {"step", filter_step, METH_O, "One tick; False, with nothing changed, when the twin has to take it."},
+    {NULL, NULL, 0, NULL},
+};
+static PyType_Slot filter_slots[] = {
+    {Py_tp_new, filter_new}, {Py_tp_dealloc, filter_dealloc}, {Py_tp_methods, filter_methods}, {0, NULL},
+};
+static PyType_Spec filter_spec = {"comanip.kernels._native.Filter", sizeof(Filter), 0, Py_TPFLAGS_DEFAULT, filter_slots};
+
+static PyMethodDef lines_methods[] = {
+    {"mean", (PyCFunction)(void (*)(void))lines_mean, METH_FASTCALL, "Weighted regression lines; False when the arrays are for the twin."},
+    {NULL, NULL, 0, NULL},
+};
+static PyType_Slot lines_slots[] = {
+    {Py_tp_new, lines_new}, {Py_tp_dealloc, lines_dealloc}, {Py_tp_methods, lines_methods}, {0, NULL},
+};
+static PyType_Spec lines_spec = {"comanip.kernels._native.Lines", sizeof(Lines), 0, Py_TPFLAGS_DEFAULT, lines_slots};
+
+static int start(PyObject *module) {
+    for (int i = N_LEVELS - 1; i >= 0; i--)
+        if (runs_here(LEVELS[i])) active = LEVELS[i];
+    PyObject *filter = PyType_FromSpec(&filter_spec), *lines_type = PyType_FromSpec(&lines_spec);
+    const int wrong = !filter || !lines_type || PyModule_AddType(module, (PyTypeObject *)filter) < 0 ||
+                      PyModule_AddType(module, (PyTypeObject *)lines_type) < 0;
+    Py_XDECREF(filter);
+    Py_XDECREF(lines_type);
+    return wrong ? -1 : 0;
+}
+
+static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, start}, {0, NULL}};
+static PyModuleDef definition = {
+    .m_base = PyModuleDef_HEAD_INIT, .m_name = "_native", .m_doc = "Compiled twins of comanip.models.", .m_methods = functions,
+    .m_slots = module_slots,
+};
+
+PyMODINIT_FUNC PyInit__native(void) { return PyModuleDef_Init(&definition); }

@@ -1,0 +1,101 @@
+"""Many roll-outs of a learned velocity law at once: what would the skill do from here, under these forces?
+
+Position and force give the weights (eq. 4) and the velocity (eq. 5); Euler's step gives the next position. For validation over
+hundreds of starts and forces; a robot runs a skill instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import kernels
+from ..errors import ChannelError, ParameterError
+from ..interfaces import Array
+from .filtering import ForwardFilter
+from .gmr import Regression
+from .hmm import Hmm
+
+
+class RollOuts(NamedTuple):
+    """position [m] and velocity [m/s], (N, T, d): velocity[:, t] is what the law answers at position[:, t]."""
+
+    position: Array
+    velocity: Array
+
+
+def roll_out(
+    model: Hmm,
+    start: Any,
+    force: Any,
+    *,
+    dt: float,
+    evidence: str | Iterable[str] | None = None,
+    transition_floor: float = 1e-6,
+    gate: float = 20.0,
+    n_threads: int = 1,
+) -> RollOuts:
+    """N roll-outs from start (N, d) [m] under force (T, f) [N], the same for all, or (N, T, f).
+
+    evidence                channels that the weights listen to; default position and force. "velocity" is the one commanded last
+    transition_floor, gate  as in `ForwardFilter`
+    n_threads               of the compiled kernel; any number gives the same numbers
+
+    The model's channels are position.*, force.* (or none) and velocity.*. A line of regression goes on for ever, so a start far
+    from the lessons may run away: look at the positions.
+    """
+    position, forces, velocity = (
+        tuple(c for c in model.channels if c.split(".")[0] == group) for group in ("position", "force", "velocity")
+    )
+    if not position or len(velocity) != len(position) or len(position + forces + velocity) != len(model.channels):
+        raise ChannelError(
+            f"roll-outs want position.*, force.* and as many velocity.*; the model has {', '.join(model.channels)}"
+        )
+    if not (dt > 0.0 and np.isfinite(dt)):
+        raise ParameterError(f"dt is a period above 0 s; got {dt!r}")
+    x, f = _checked(start, force, len(position), len(forces))
+    inputs = position + forces
+    weigher = ForwardFilter(model, inputs if evidence is None else evidence, transition_floor=transition_floor, gate=gate)
+    source = np.array([(inputs + velocity).index(c) for c in weigher.channels], dtype=np.int64)
+    regression = Regression(model, inputs, velocity)
+    if kernels.native is None:
+        return RollOuts(*_roll(x, f, dt, weigher, source, regression))
+    return RollOuts(*kernels.rollouts(
+        x, f, source, weigher.initial, weigher.chain, weigher.whitening.arrays, regression.gains, regression.offsets,
+        gate=gate, dt=dt, n_threads=n_threads,
+    ))  # fmt: skip
+
+
+def _roll(
+    x: Array, force: Array, dt: float, weigher: ForwardFilter, source: np.ndarray, regression: Regression
+) -> tuple[Array, Array]:
+    """The readable twin: all roll-outs side by side, one step of time after another."""
+    n, d = x.shape
+    length = force.shape[-2]
+    position, velocity = np.empty((n, length, d)), np.empty((n, length, d))
+    x, v, predicted = x.copy(), np.zeros_like(x), np.tile(weigher.initial, (n, 1))
+    for t in range(length):
+        f = np.broadcast_to(force[..., t, :], (n, force.shape[-1]))
+        log_b = weigher.whitening.log_density(np.hstack([x, f, v])[:, source])
+        lead = np.maximum(log_b - log_b.max(axis=1, keepdims=True), -weigher.gate)
+        h = predicted * np.exp(lead)
+        h /= np.maximum(h.sum(axis=1, keepdims=True), 1e-300)
+        v = np.einsum("nk,nko->no", h, regression.means_per_state(np.hstack([x, f])))
+        position[:, t], velocity[:, t] = x, v
+        x = x + dt * v
+        predicted = h @ weigher.chain
+    return position, velocity
+
+
+def _checked(start: Any, force: Any, d: int, n_forces: int) -> tuple[Array, Array]:
+    x = np.ascontiguousarray(start, dtype=np.float64)
+    f = np.ascontiguousarray(force, dtype=np.float64)
+    if x.ndim != 2 or x.shape[1] != d or not len(x):
+        raise ParameterError(f"start must be (N, {d}); got {x.shape}")
+    if f.ndim not in (2, 3) or f.shape[-1] != n_forces or not f.shape[-2] or (f.ndim == 3 and len(f) != len(x)):
+        raise ParameterError(f"force must be (T, {n_forces}) or ({len(x)}, T, {n_forces}); got {f.shape}")
+    if not (np.isfinite(x).all() and np.isfinite(f).all()):
+        raise ParameterError("start and force of a roll-out must be finite")
+    return x, f

@@ -1,0 +1,277 @@
+"""The compiled kernels say what their readable twins say: every size, every instruction set, every raggedness."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from comanip import kernels
+from comanip.kernels.plan import plan
+from comanip.models import baum_welch, gmm, hmm
+from comanip.models.baum_welch import Chain
+from comanip.models.chains import log_of
+from comanip.models.filtering import ForwardFilter
+from comanip.models.gaussian import whitening
+from comanip.models.gmr import Regression
+from comanip.models.hmm import Hmm
+from comanip.models.lessons import Lessons
+from comanip.models.rollout import roll_out
+from toys import random_covariances, random_gmm, random_hmm
+
+pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
+LEVELS = kernels.native.levels() if kernels.native else []
+
+
+@pytest.fixture(params=LEVELS)
+def level(request):
+    before = kernels.native.level()
+    kernels.native.use(request.param)
+    yield request.param
+    kernels.native.use(before)
+
+
+def chain(rng, n_states, n_channels, left_right=False):
+    p = random_hmm(rng, n_states, n_channels)
+    if not left_right:
+        return Chain(p.initial, p.transition, p.means, p.covariances)
+    rows = p.transition * np.tri(n_states, k=1) * np.tri(n_states).T
+    return Chain(np.eye(n_states)[0], rows / rows.sum(axis=1, keepdims=True), p.means, p.covariances)
+
+
+def lessons_of(rng, lengths, n_channels):
+    z = 1.5 * rng.normal(size=(int(np.sum(lengths)), n_channels))
+    d = n_channels
+    return Lessons(z, np.asarray(lengths), np.zeros(d), np.ones(d), tuple(f"c{i}" for i in range(d)))
+
+
+def agree(a, b, *, tolerance=1e-10):
+    np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * max(np.abs(b).max(), 1e-300))
+
+
+def check_e_step(p, lessons):
+    total, found = baum_welch.expect(p, lessons)
+    expected_total, expected = baum_welch._expect(p, whitening(p.means, p.covariances), lessons.z, lessons.lengths)
+    assert total == pytest.approx(expected_total, rel=1e-10)
+    for a, b in zip(found, expected, strict=True):
+        agree(a, b)
+    assert (found.transitions[p.transition == 0.0] == 0.0).all()
+    weights = hmm._weights(p, lessons)
+    agree(weights, baum_welch.expectations_of(p, whitening(p.means, p.covariances), lessons.z, lessons.lengths).weights)
+
+
+@pytest.mark.parametrize(
+    ("d", "k"), [(1, 1), (1, 5), (2, 2), (3, 5), (4, 9), (7, 10), (14, 17), (33, 8), (60, 3), (2, 64), (9, 33)]
+)
+@pytest.mark.parametrize("left_right", [False, True])
+def test_e_step_for_sizes_from_1_to_64(level, d, k, left_right):
+    rng = np.random.default_rng(d * 100 + k)
+    check_e_step(chain(rng, k, d, left_right), lessons_of(rng, rng.integers(1, 40, size=11), d))
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    st.lists(st.integers(1, 200), min_size=1, max_size=25),
+    st.integers(1, 4),
+    st.integers(1, 6),
+    st.integers(0, 10**6),
+    st.booleans(),
+)
+def test_e_step_for_ragged_lengths(lengths, d, k, seed, left_right):
+    rng = np.random.default_rng(seed)
+    for name in LEVELS:
+        kernels.native.use(name)
+        check_e_step(chain(rng, k, d, left_right), lessons_of(rng, lengths, d))
+    kernels.native.use(LEVELS[0])
+
+
+@pytest.mark.parametrize("lengths", [[3000], [2000, 3], [700] * 9, [1] * 40, [5000] + [10] * 100])
+def test_e_step_for_long_and_for_many_sequences(level, lengths):
+    rng = np.random.default_rng(len(lengths))
+    check_e_step(chain(rng, 6, 3), lessons_of(rng, lengths, 3))
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(st.lists(st.integers(1, 5000), min_size=1, max_size=60), st.sampled_from([2, 4, 8]))
+def test_a_plan_takes_every_sequence_once(lengths, width):
+    found = plan(np.array(lengths), width)
+    assert sorted(found.order.tolist()) == list(range(len(lengths)))
+    assert found.lanes[-1] == len(lengths)
+    assert (len(found.lanes) - 1) % width == 0
+    assert (np.diff(found.lanes) >= 0).all()
+
+
+def test_a_frame_without_explanation_gives_numbers(level):
+    rng = np.random.default_rng(0)
+    for left_right in (False, True):
+        lessons = lessons_of(rng, [50, 60, 70] * 4, 3)
+        lessons.z[[5, 100, 333], 1] = 1e5
+        p = chain(rng, 5, 3, left_right)
+        total, found = baum_welch.expect(p, lessons)
+        expected_total, expected = baum_welch._expect(p, whitening(p.means, p.covariances), lessons.z, lessons.lengths)
+        assert total == pytest.approx(expected_total, rel=1e-10)
+        assert all(np.isfinite(a).all() for a in found)
+        agree(found.transitions, expected.transitions, tolerance=1e-8)  # the log-likelihood is 1e10: 6 digits behind the point
+
+
+def test_where_scaling_leaves_float64_the_twin_takes_the_sequence(level):
+    """Left-right, and each lesson ends where only the first state could be: every path has a weight below 1e-308."""
+    p = Chain(np.eye(3)[0], np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.0, 0.0, 1.0]]),
+              np.array([[0.0], [50.0], [100.0]]), np.ones((3, 1, 1)))  # fmt: skip
+    z = np.concatenate([np.repeat([0.0, 50.0, 100.0, 0.0], 10), np.repeat([0.0, 50.0, 100.0], 10), np.zeros(20)])[:, None]
+    lessons = Lessons(z, np.array([40, 30, 20]), np.zeros(1), np.ones(1), ("x",))
+    sums = kernels.e_step(z, lessons.groups, p.initial, p.transition, whitening(p.means, p.covariances).arrays)
+    assert sums.failed.tolist() == [True, False, False]
+    check_e_step(p, lessons)
+    model = Hmm(p.initial, p.transition, p.means, p.covariances, ("x",))
+    found = hmm.log_likelihood(model, [z[:40], z[40:70]])
+    np.testing.assert_allclose(found, hmm._log_likelihood(model, z[:70], np.array([40, 30])), rtol=1e-12)
+
+
+@pytest.mark.parametrize("lengths", [[300] * 40, [2000, 17] + [50] * 30])
+def test_threads_change_no_bit(level, lengths):
+    rng = np.random.default_rng(1)
+    lessons, p = lessons_of(rng, lengths, 4), chain(rng, 7, 4)
+    white = whitening(p.means, p.covariances).arrays
+    one, *others = [
+        kernels.e_step(lessons.z, lessons.groups, p.initial, p.transition, white, weights=True, n_threads=n)
+        for n in (1, 2, 5, 64)
+    ]
+    for other in others:
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize(("d", "k", "n"), [(1, 1, 1), (3, 5, 63), (3, 5, 64), (7, 10, 9001), (20, 3, 100)])
+def test_mixture(level, d, k, n, monkeypatch):
+    rng = np.random.default_rng(n)
+    model, z = random_gmm(rng, k, d), 2.0 * rng.normal(size=(n, d))
+    p = gmm._Mixture(model.weights, model.means, model.covariances)
+    total, found = gmm._expect(p, z, gamma=True)
+    monkeypatch.setattr(kernels, "native", None)
+    expected_total, expected = gmm._expect(p, z, gamma=True)
+    assert total == pytest.approx(expected_total, rel=1e-10)
+    for a, b in zip(found, expected, strict=True):
+        agree(a, b)
+
+
+@pytest.mark.parametrize(("d", "k"), [(1, 1), (3, 5), (7, 17), (2, 64)])
+def test_likelihood_and_best_path(level, d, k, monkeypatch):
+    rng = np.random.default_rng(k)
+    model = random_hmm(rng, k, d)
+    sequences = [hmm.sample(model, int(n), rng).frames for n in (1, 2, 300, 77)]
+    found, paths = hmm.log_likelihood(model, sequences), [hmm.viterbi(model, x) for x in sequences]
+    posteriors = [hmm.posteriors(model, x) for x in sequences]
+    monkeypatch.setattr(kernels, "native", None)
+    np.testing.assert_allclose(found, hmm.log_likelihood(model, sequences), rtol=1e-10)
+    for x, path, posterior in zip(sequences, paths, posteriors, strict=True):
+        np.testing.assert_array_equal(path, hmm.viterbi(model, x))
+        agree(posterior.weights, hmm.posteriors(model, x).weights)
+
+
+@pytest.mark.parametrize(("d", "k"), [(1, 1), (3, 5), (14, 10), (60, 3), (2, 64)])
+@pytest.mark.parametrize("options", [{}, {"transition_floor": 0.0, "gate": np.inf}, {"transition_floor": 0.0, "patience": 1}])
+def test_a_tick(level, d, k, options, monkeypatch):
+    rng = np.random.default_rng(d)
+    model = random_hmm(rng, k, d)
+    x = hmm.sample(model, 100, rng).frames
+    x[[7, 30, 31, 32, 33]] += 1e3
+    x[50:53, 0] = np.nan
+    x[60] = 1e300
+    native = ForwardFilter(model, **options)
+    monkeypatch.setattr(kernels, "native", None)
+    twin = ForwardFilter(model, **options)
+    for xi in x:
+        agree(native.step(xi), twin.step(xi))
+        assert native.last_log_likelihood == pytest.approx(twin.last_log_likelihood, rel=1e-10, abs=1e-10)
+    assert native.log_likelihood == pytest.approx(twin.log_likelihood, rel=1e-10)
+    assert native.restarts == twin.restarts
+
+
+def test_a_tick_takes_lists_and_slices_like_its_twin(level):
+    model = random_hmm(np.random.default_rng(0), 3, 2)
+    a, b, c = ForwardFilter(model), ForwardFilter(model), ForwardFilter(model)
+    wide = np.arange(8.0).reshape(2, 4)
+    expected = a.step(np.array([0.0, 2.0]))
+    agree(b.step([0.0, 2.0]), expected)
+    agree(c.step(wide[0, ::2]), expected)
+
+
+@pytest.mark.parametrize(("d", "k"), [(2, 1), (3, 5), (14, 10)])
+def test_regression_lines(level, d, k, monkeypatch):
+    rng = np.random.default_rng(d)
+    model = random_gmm(rng, k, d)
+    native = Regression(model, model.channels[1:], model.channels[:1])
+    monkeypatch.setattr(kernels, "native", None)
+    twin = Regression(model, model.channels[1:], model.channels[:1])
+    for _ in range(10):
+        h, x = rng.dirichlet(np.ones(k)), rng.normal(size=d - 1)
+        agree(native.mean(h, x), twin.mean(h, x))
+        agree(native.mean(h, x, out=np.empty(1)), twin.mean(h, x))
+        agree(native.mean(h, x.tolist()), twin.mean(h, x))
+
+
+@pytest.mark.parametrize(("d", "f", "n"), [(1, 1, 1), (2, 3, 70), (3, 0, 64), (1, 1, 129)])
+@pytest.mark.parametrize("evidence", [None, "position", ("force", "position", "velocity")])
+def test_roll_outs(level, d, f, n, evidence, monkeypatch):
+    rng = np.random.default_rng(n)
+    channels = [f"{g}.{i}" for g, m in (("position", d), ("force", f), ("velocity", d)) for i in range(m)]
+    p = random_hmm(rng, 5, len(channels))
+    model = Hmm(p.initial, p.transition, p.means, p.covariances, tuple(channels))
+    if f == 0 and evidence == ("force", "position", "velocity"):
+        evidence = ("position", "velocity")
+    start, force = rng.normal(size=(n, d)), rng.normal(size=(n, 30, f))
+    found = [
+        roll_out(model, start, x, dt=0.01, evidence=evidence, n_threads=m) for x, m in ((force, 1), (force, 2), (force[0], 1))
+    ]
+    monkeypatch.setattr(kernels, "native", None)
+    expected = roll_out(model, start, force, dt=0.01, evidence=evidence)
+    for one, other in zip(found[0], found[1], strict=True):
+        np.testing.assert_array_equal(one, other)
+    for one, other in zip(found[0], expected, strict=True):
+        agree(one, other)
+    for one, other in zip(found[2], roll_out(model, start, force[0], dt=0.01, evidence=evidence), strict=True):
+        agree(one, other)
+
+
+def test_ten_thousand_calls_leave_no_memory_behind():
+    import tracemalloc
+
+    rng = np.random.default_rng(0)
+    lessons, p = lessons_of(rng, [30, 20, 9], 3), chain(rng, 4, 3)
+    model = random_hmm(rng, 4, 3)
+    log_initial, log_transition, white = log_of(p.initial), log_of(p.transition), whitening(p.means, p.covariances).arrays
+
+    def everything():
+        kernels.e_step(lessons.z, lessons.groups, p.initial, p.transition, white)
+        kernels.mixture(lessons.z, log_initial, white)
+        kernels.decode(lessons.z, log_initial, log_transition, white)
+        ForwardFilter(model).step(lessons.z[0])
+
+    for _ in range(100):
+        everything()
+    before = _resident()
+    tracemalloc.start()
+    for _ in range(2500):
+        everything()
+    python_bytes = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert python_bytes < 200_000
+    assert _resident() - before < 3_000_000
+
+
+def _resident():
+    with open("/proc/self/statm") as statm:
+        return int(statm.read().split()[1]) * 4096
+
+
+def test_shapes_that_do_not_fit_are_refused():
+    rng = np.random.default_rng(0)
+    p = chain(rng, 3, 2)
+    white = whitening(p.means, random_covariances(rng, 3, 2)).arrays
+    groups = kernels.planned(np.array([10]))
+    with pytest.raises(ValueError, match="expected"):
+        kernels.e_step(np.zeros((10, 2)), groups, p.initial[:2], p.transition, white)
+    with pytest.raises(ValueError, match="plan"):
+        kernels.e_step(np.zeros((9, 2)), groups, p.initial, p.transition, white)
+    with pytest.raises(ValueError, match="plan"):
+        kernels.e_step(np.zeros((10, 2)), groups._replace(order=groups.order + 1), p.initial, p.transition, white)
