@@ -157,12 +157,14 @@ class Envelope:
 
     def rearm(self, obs: Observation) -> str:
         """Runs again from where the arm is; returns why it does not (empty: it does). Only the user calls this, at rest."""
-        for v, measured in zip(self._v, np.asarray(obs.velocity, dtype=float).ravel().tolist(), strict=False):
-            if abs(v) > self.limits.moving_m_per_s or abs(measured) > self.limits.rest_m_per_s:
-                return f"in motion: {max(abs(v), abs(measured)):.2g} m/s"
-        if self._state == HOLD and any(self._v):
-            return "in motion: still braking"
-        problem = self._problem(obs)
+        try:
+            problem = self._problem(obs)
+            measured = 0.0 if problem else max(abs(v) for v in [0.0, *obs.velocity.tolist()] if v == v)
+        except Exception as error:
+            return f"sensors: {error!r}"
+        fastest = max(abs(v) for v in self._v)
+        if measured > self.limits.rest_m_per_s or fastest > (self.limits.moving_m_per_s if self._state == RUN else 0.0):
+            return f"in motion: {max(measured, fastest):.2g} m/s"
         return problem or self._begin(obs)
 
     def change_skill(self, skill: Skill, obs: Observation) -> str:
@@ -191,8 +193,8 @@ class Envelope:
         try:
             self.skill.reset(obs)
         except Exception as error:
-            return f"policy: {error!r}"
-        return ""
+            self._fault(f"policy: {error!r}")
+        return self._reason
 
     def _restart(self, time: float, position: list[float]) -> None:
         d = self._d
@@ -200,7 +202,7 @@ class Envelope:
         self._time = self._stamp = time
         self._age = self._elapsed = 0.0
         self._first = True
-        self._x, self._sent = list(position), [min(max(x, w[0]), w[1]) for x, w in zip(position, self._walls, strict=True)]
+        self._x, self._sent = list(position), list(position)
         self._at, self._v, self._force = list(position), [0.0] * d, [0.0] * d
         self._wanted = [0.0] * d
         self._known = True
@@ -208,7 +210,7 @@ class Envelope:
         self._energy = [self.limits.energy_j] * d
         self._blocked_s = self._alone_s = self._rest_s = self._felt = self._slow = self._shake = self._shaken = 0.0
         self._held = False
-        self._checker.start(self._sent)
+        self._checker.start(position)
         self._mode[0], self._confidence[0], self._tank[:] = RUN, 1.0, self.limits.energy_j
 
     def _problem(self, obs: Observation) -> str:
@@ -256,6 +258,7 @@ class Envelope:
         except Exception as error:  # nothing foreseen: still brakes
             self._fault(f"envelope: {error!r}")
             self._v = [self._braked(v, self._dt) for v in self._v]
+            self._checker.last = list(self._v)
             self._write(command, self._v, False)
 
     def _step(self, obs: Observation, command: Command) -> None:
@@ -471,7 +474,7 @@ class Envelope:
                 position = self._at[i] + v * self._dt
                 if passed:
                     position = min(max(float(inner.position[i]), self._at[i] - near), self._at[i] + near)
-            self._sent[i] = min(max(position, low), high)
+            self._sent[i] = min(max(position, low), high) if v != 0.0 or self._state != HOLD else position
             command.position[i] = self._sent[i]
             command.velocity[i] = v
             a = float(inner.acceleration[i]) if passed else 0.0
