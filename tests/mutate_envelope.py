@@ -1,6 +1,6 @@
 """Plants one defect at a time in a copy of skills/envelope.py and counts how many the tests notice.
 
-    python tests/mutate_envelope.py            the score, and which defects survived
+    python tests/mutate_envelope.py [first [last]]        the score, and which defects survived
 
 Not collected by pytest: it takes minutes. Each defect is one replacement of text that occurs exactly once.
 """
@@ -98,10 +98,16 @@ DEFECTS = [
 ]
 
 
+PLUGIN = """from hypothesis import Phase, settings
+settings.register_profile("unshrunk", phases=[Phase.explicit, Phase.generate])
+settings.load_profile("unshrunk")
+"""  # a defect is caught by any failure; the shortest one is of no interest
+
+
 def noticed(source: str, folder: Path) -> bool:
     (folder / "comanip/skills/envelope.py").write_text(source)
     path = os.pathsep.join([str(folder), str(ROOT / "tests")])
-    quick = ["-x", "-q", "-p", "no:cacheprovider", "-k", "not living_partners and not C22"]
+    quick = ["-x", "-q", "-p", "no:cacheprovider", "-p", "unshrunk", "-k", "not living_partners and not C22"]
     command = [sys.executable, "-m", "pytest", *quick, *TESTS]
     environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
     try:
@@ -113,19 +119,21 @@ def noticed(source: str, folder: Path) -> bool:
 def main() -> None:
     original = (ROOT / "src/comanip/skills/envelope.py").read_text()
     survivors = []
+    defects = DEFECTS[slice(*([int(n) for n in sys.argv[1:]] + [len(DEFECTS)])[:2])] if sys.argv[1:] else DEFECTS
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        (folder / "unshrunk.py").write_text(PLUGIN)
         shutil.copytree(ROOT / "src/comanip", folder / "comanip")
         if noticed(original, folder):
             sys.exit("the tests fail without any defect")
-        for text, old, new in DEFECTS:
+        for text, old, new in defects:
             if original.count(old) != 1:
                 sys.exit(f"{text}: occurs {original.count(old)} times: {old!r}")
             caught = noticed(original.replace(old, new), folder)
             print("caught  " if caught else "SURVIVES", text, flush=True)
             if not caught:
                 survivors.append(text)
-    n = len(DEFECTS)
+    n = len(defects)
     print(f"{n - len(survivors)} of {n} caught ({100 * (n - len(survivors)) / n:.0f} %)")
 
 

@@ -69,11 +69,12 @@ def test_C2_a_jump_of_position_holds(jump):
     assert float(bench.held.split()[2]) == pytest.approx(abs(jump), abs=0.005)
 
 
-def test_C2_a_velocity_out_of_range_holds_and_a_missing_one_does_not():
+@pytest.mark.parametrize("velocity", [np.inf, -9.0])
+def test_C2_a_velocity_out_of_range_holds_and_a_missing_one_does_not(velocity):
     bench = moving()
     bench.ticks(20, velocity=np.nan)
     assert bench.held == ""
-    bench.tick(velocity=np.inf)
+    bench.tick(velocity=velocity)
     assert_holds(bench, "velocity not plausible")
 
 
