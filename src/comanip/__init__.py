@@ -28,6 +28,8 @@ _PUBLIC = {
     "PaperSkill": "comanip.skills.paper",
     "CollaborativeLaw": "comanip.skills.collaborate",
     "CollaborativeSkill": "comanip.skills.collaborate",
+    "Envelope": "comanip.skills.envelope",
+    "Limits": "comanip.skills.envelope",
     "MassDamper": "comanip.skills.baselines",
     "Teleoperation": "comanip.skills.teleoperation",
     "Beam": "comanip.plants.beam",

@@ -1,0 +1,483 @@
+"""The safety envelope: a skill around a skill, which lets a command pass unchanged or makes it safer.
+
+    clock -> sensors -> ledger (commanded position, energy) -> skill -> RUN | COMPLY | HOLD -> clip -> checker
+
+One rule for walls and energy, per axis: never move at a speed from which you cannot brake inside what is left.
+
+    cap(d) = max(0, sqrt(2 a d) - a T / 2)      d metres left, T the longest period allowed
+    E_k    = min(E_max, E_(k-1) + F_k v_(k-1) e)   energy tank, e <= T the measured period; E / F_lim metres left in it
+    v_k    = clip(clip(wanted, -down, up), v_(k-1) - a e, v_(k-1) + a e)
+
+RUN      the skill's command
+COMPLY   v = F / b, dissipative: on doubt about the situation (fades back), when blocked or let go (until re-armed)
+HOLD     brakes at a_max to 0 and stays stiff; the first reason is kept until the user re-arms
+
+Good engineering, not a certified safety function; what it promises and what not: docs/safety.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import copysign, exp, inf, isfinite, pi, sqrt
+
+import numpy as np
+
+from ..errors import ParameterError
+from ..interfaces import Array, Command, Observation, Skill
+from .checker import Checker
+
+RUN, COMPLY, HOLD = 0, 1, 2
+NAMES = ("RUN", "COMPLY", "HOLD")
+ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Numbers of the envelope, each per axis. Defaults leave the default law's runs with living partners unchanged."""
+
+    v_max_m_per_s: float = 0.8
+    a_max_m_per_s2: float = 10.0
+    force_limit_n: float = 60.0
+    workspace_m: tuple[tuple[float, float], ...] | None = None  # (lowest, highest) of each axis; None: no walls
+    energy_j: float = 3.0  # E_0 = E_max: what the robot may give in one task; only the person or re-arming refills it
+    comply_damping_ns_per_m: float = 80.0
+    fade_s: float = 0.5  # from COMPLY back to RUN; the other way is at once
+    late_s: float | None = None  # T, longest period allowed; None: 3 periods, at least 30 ms
+    stale_s: float | None = None  # age of a sample to coast on; None: 5 periods, at least 50 ms
+    stuck_s: float = 0.2  # the same force reading, bit by bit, while moving
+    moving_m_per_s: float = 0.01
+    position_jump_m: float = 0.02  # beyond what 2 v_max explains
+    drift_m: float = 0.05  # between where the hand was sent and where it is
+    rest_m_per_s: float = 0.02  # measured speed up to which re-arming counts as at rest
+    blocked_n: float = 25.0  # against the motion
+    blocked_s: float = 0.1
+    let_go_n: float = 0.3  # less than this is nobody
+    let_go_s: float = 0.4
+    held_n: float = 2.0  # more than this, in this motion, was somebody
+    let_go_m_per_s: float = 0.08
+    shake_n: float = 6.0  # amplitude above 1 Hz from which shaking is said
+    tare_n: float = 1.5  # mean force at rest from which tare is doubted
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            if name == "workspace_m":
+                if value is not None:
+                    walls = tuple((float(low), float(high)) for low, high in value)
+                    object.__setattr__(self, name, walls)
+                    if not all(low < high and isfinite(high - low) for low, high in walls):
+                        raise ParameterError(f"workspace_m needs lowest < highest on each axis; got {walls}")
+            elif value is not None and not (value > 0 and isfinite(value)):
+                raise ParameterError(f"{name} must be positive and finite; got {value}")
+
+
+class Envelope:
+    """Wraps `skill`; has its socket. `rearm` is for the user alone.
+
+    tells     optional confidence in [0, 1] that the observation is like what was taught: below 1 the command fades to COMPLY
+    timer     optional seconds, for example time.perf_counter: a skill that takes longer than a period is a fault. Without it
+              such a skill is noticed one tick later, as a late tick, and runs replay identically
+
+    Diagnostics: the skill's, and mode (0 RUN, 1 COMPLY, 2 HOLD), tank (d,) [J], confidence.
+    """
+
+    def __init__(
+        self,
+        skill: Skill,
+        *,
+        axes: tuple[str, ...],
+        dt: float,
+        limits: Limits = Limits(),
+        tells: Callable[[Observation], float] | None = None,
+        timer: Callable[[], float] | None = None,
+    ) -> None:
+        if not (dt > 0 and isfinite(dt)):
+            raise ParameterError(f"control period dt must be positive and finite; got {dt}")
+        self.skill, self.limits, self._dt, self._tells, self._timer = skill, limits, dt, tells, timer
+        self._d = d = len(axes)
+        self._late = limits.late_s or max(0.030, 3.0 * dt)
+        self._stale = limits.stale_s or max(0.050, 5.0 * dt)
+        if self._late < 2.0 * dt:
+            raise ParameterError(f"late_s must be at least two periods, {2.0 * dt} s; got {self._late}")
+        self._walls = limits.workspace_m or ((-inf, inf),) * d
+        if len(self._walls) != d:
+            raise ParameterError(f"workspace_m needs {d} rows for axes {axes}; got {len(self._walls)}")
+        self._checker = Checker(limits.v_max_m_per_s, limits.a_max_m_per_s2, self._walls, dt)
+        self._mode, self._tank, self._confidence = np.zeros(1), np.full(d, limits.energy_j), np.ones(1)
+        self._inner = Command(d)
+        self._frozen: dict[str, Array] | None = None
+        self._restart(0.0, [0.0] * d)
+        self._fault("not started")
+
+    @property
+    def mode(self) -> str:
+        return NAMES[self._state]
+
+    @property
+    def reason(self) -> str:
+        """Why it is not in RUN; empty in RUN."""
+        return self._reason
+
+    @property
+    def diagnostics(self) -> Mapping[str, Array]:
+        own = {"mode": self._mode, "tank": self._tank, "confidence": self._confidence}
+        return {**(self.skill.diagnostics if self._frozen is None else self._frozen), **own}
+
+    @property
+    def stop_reason(self) -> str:
+        return self.skill.stop_reason
+
+    @property
+    def notice(self) -> str:
+        if self._state != RUN:
+            return f"{self.mode}: {self._reason}"
+        if self._confidence[0] < 1.0:
+            return "COMPLY: unlike what was taught"
+        said = [self.skill.notice, *self._flags()]
+        return "; ".join(s for s in said if s)
+
+    def _flags(self) -> list[str]:
+        flags, limits = [], self.limits
+        if self._shake > limits.shake_n:
+            flags.append(f"shaking, {self._shake:.0f} N")
+        if self._rest_s > 2.0 and abs(self._felt) > limits.tare_n:
+            flags.append(f"felt {self._felt:.1f} N at rest: wrong mass? tare")
+        if min(self._energy) / limits.force_limit_n <= self.limits.a_max_m_per_s2 * self._late**2 / 8.0:
+            flags.append("energy budget used up: re-arm")
+        return flags
+
+    # starting, and starting again
+
+    def reset(self, obs: Observation) -> None:
+        """As the loop's start: like re-arming, but what refuses it is a HOLD."""
+        refused = self._begin(obs)
+        if refused:
+            self._fault(refused)
+
+    def rearm(self, obs: Observation) -> str:
+        """Runs again from where the arm is; returns why it does not (empty: it does). Only the user calls this, at rest."""
+        try:
+            problem = self._problem(obs)
+            measured = 0.0 if problem else max(abs(v) for v in [0.0, *obs.velocity.tolist()] if v == v)
+        except Exception as error:
+            return f"sensors: {error!r}"
+        fastest = max(abs(v) for v in self._v)
+        if measured > self.limits.rest_m_per_s or fastest > (self.limits.moving_m_per_s if self._state == RUN else 0.0):
+            return f"in motion: {max(measured, fastest):.2g} m/s"
+        return problem or self._begin(obs)
+
+    def change_skill(self, skill: Skill, obs: Observation) -> str:
+        """Another skill from now on (roles exchanged): starts in COMPLY and fades. Returns why it did not (empty: it did)."""
+        try:
+            shown = {name: array for name, array in self.diagnostics.items() if name not in ("mode", "tank", "confidence")}
+            skill.reset(obs)
+        except Exception as error:
+            return f"policy: {error!r}"
+        self._frozen = {name: array.copy() for name, array in shown.items()}
+        self.skill = skill
+        self._confidence[0] = 0.0
+        return ""
+
+    def _begin(self, obs: Observation) -> str:
+        try:
+            time, position = float(obs.time), [float(x) for x in obs.position]
+            problem = self._problem(obs)
+        except Exception as error:
+            return f"sensors: {error!r}"
+        if problem:
+            place = [x if abs(x) < ABSURD else 0.0 for x in (*position, *[0.0] * self._d)]
+            self._restart(time if isfinite(time) else 0.0, place[: self._d])
+            return problem
+        self._restart(time, position)
+        try:
+            self.skill.reset(obs)
+        except Exception as error:
+            self._fault(f"policy: {error!r}")
+        return self._reason
+
+    def _restart(self, time: float, position: list[float]) -> None:
+        d = self._d
+        self._state, self._reason = RUN, ""
+        self._time = self._stamp = time
+        self._age = self._elapsed = 0.0
+        self._first = True
+        self._x, self._sent = list(position), list(position)
+        self._at, self._v, self._force = list(position), [0.0] * d, [0.0] * d
+        self._wanted = [0.0] * d
+        self._known = True
+        self._raw, self._same_s = [inf] * d, [0.0] * d
+        self._energy = [self.limits.energy_j] * d
+        self._blocked_s = self._alone_s = self._rest_s = self._felt = self._slow = self._shake = self._shaken = 0.0
+        self._held = False
+        self._checker.start(position)
+        self._mode[0], self._confidence[0], self._tank[:] = RUN, 1.0, self.limits.energy_j
+
+    def _problem(self, obs: Observation) -> str:
+        """What is wrong with one observation by itself."""
+        if not isfinite(obs.time):
+            return "clock"
+        d = self._d
+        for name in ("position", "force", "velocity"):
+            n = np.shape(getattr(obs, name))
+            if n != (d,):
+                return f"{name} has shape {n} instead of ({d},)"
+        for i, (low, high) in enumerate(self._walls):
+            x, f, v = float(obs.position[i]), float(obs.force[i]), float(obs.velocity[i])
+            if not abs(x) < ABSURD:
+                return "position not finite"
+            if not low <= x <= high:
+                return f"{max(low - x, x - high):.2g} m outside the workspace"
+            if problem := self._wrong(f, v):
+                return problem
+        return ""
+
+    def _wrong(self, force: float, velocity: float) -> str:
+        if not abs(force) < ABSURD:
+            return "force not finite"
+        if abs(force) > self.limits.force_limit_n:
+            return f"force {abs(force):.0f} N > {self.limits.force_limit_n:g} N"
+        if abs(velocity) > 10.0 * self.limits.v_max_m_per_s:  # NaN is a velocity nobody measures, and allowed
+            return "velocity not plausible"
+        return ""
+
+    def _fault(self, reason: str) -> None:
+        """HOLD, with the first reason."""
+        if self._state != HOLD:
+            self._state, self._reason = HOLD, reason
+
+    def _comply(self, reason: str) -> None:
+        if self._state == RUN:
+            self._state, self._reason = COMPLY, reason
+
+    # one tick
+
+    def step(self, obs: Observation, command: Command) -> None:
+        try:
+            self._step(obs, command)
+        except Exception as error:  # nothing foreseen: still brakes
+            self._fault(f"envelope: {error!r}")
+            self._v = [self._braked(v, self._dt) for v in self._v]
+            self._checker.last = list(self._v)
+            self._write(command, self._v, False)
+
+    def _step(self, obs: Observation, command: Command) -> None:
+        period, fresh, late = self._clock(obs)
+        if fresh:
+            self._sense(obs, period)
+        self._known = fresh and self._known
+        self._book(period, late)
+        if self._state == RUN and fresh:
+            self._look(period)
+        if self._state == RUN:
+            self._think(obs, period, fresh)
+        velocity = self._clip(period)
+        verdict = self._checker.judge(period, velocity, late)
+        if verdict:
+            self._fault(f"checker: {verdict}")
+        passed = self._state == RUN and fresh and velocity == self._asked
+        self._v = velocity
+        self._write(command, velocity, passed)
+
+    def _clock(self, obs: Observation) -> tuple[float, bool, bool]:
+        """(period [s], a new sample came, the period was too long)."""
+        dt, t = self._dt, float(obs.time)
+        if not isfinite(t):
+            self._fault("clock")
+            return dt, False, False
+        step = t - self._stamp
+        if step < 0.0:
+            self._fault("clock")
+            self._time = self._stamp = t
+            return dt, False, False
+        if self._first:  # from rest, so nothing was under way meanwhile; the loop steps on the observation it began with
+            self._first, self._elapsed = False, step
+            self._time = self._stamp = t
+            return dt, True, False
+        if step < 0.1 * dt:  # the same sample again: coast
+            self._age += dt
+            self._time += dt
+            if self._age > self._stale + 1e-9:
+                self._fault(f"force {1000.0 * self._age:.0f} ms old")
+            return dt, False, False
+        period = max(t - self._time, 0.0)
+        self._elapsed = step
+        self._stamp, self._time, self._age = t, max(t, self._time), 0.0
+        late = period > self._late + 1e-9
+        if late:
+            self._fault(f"late {1000.0 * period:.0f} ms")
+        return period, True, late
+
+    def _sense(self, obs: Observation, period: float) -> None:
+        limits, d = self.limits, self._d
+        position, force = obs.position.tolist(), obs.force.tolist()
+        velocity, raw = obs.velocity.tolist(), obs.sensor_force.tolist()
+        self._known = False
+        if not len(position) == len(force) == len(velocity) == len(raw) == d:
+            self._fault(f"sensors: shapes are not ({d},)")
+            return
+        good = True
+        for i in range(d):
+            x, f = position[i], force[i]
+            if not abs(x) < ABSURD:
+                self._fault("position not finite")
+            else:
+                jump = abs(x - self._at[i])
+                if jump > limits.position_jump_m + 2.0 * limits.v_max_m_per_s * self._elapsed:
+                    self._fault(f"position jump {jump:.2g} m")
+                self._at[i] = x
+            problem = self._wrong(f, velocity[i])
+            if problem:
+                self._fault(problem)
+                good = False
+            reading = raw[i] if isfinite(raw[i]) else f
+            if reading == self._raw[i] and abs(self._v[i]) > limits.moving_m_per_s:
+                self._same_s[i] += period
+                if self._same_s[i] > limits.stuck_s + 1e-9:
+                    self._fault("force stuck")
+            else:
+                self._same_s[i] = 0.0
+            self._raw[i] = reading
+        self._known = good
+        if good:
+            self._force = force
+
+    def _book(self, period: float, late: bool) -> None:
+        """Where the last command led, and what it cost at worst."""
+        limits, dt = self.limits, self._dt
+        for i, v in enumerate(self._v):
+            way = v * period
+            if late:  # a command is valid for one period; then the low level brakes
+                braking = min(period - dt, abs(v) / limits.a_max_m_per_s2)
+                way = copysign(abs(v) * (dt + braking) - 0.5 * limits.a_max_m_per_s2 * braking * braking, v)
+            self._x[i] += way
+            gain = self._force[i] * way if self._known and not late else -limits.force_limit_n * abs(way)
+            self._energy[i] = min(limits.energy_j, max(0.0, self._energy[i] + gain))
+            if abs(self._x[i] - self._at[i]) > limits.drift_m and self._state != HOLD:
+                self._fault(f"does not follow: {abs(self._x[i] - self._at[i]):.2g} m off")
+
+    def _look(self, period: float) -> None:
+        """Blocked, let go, shaken, wrongly tared."""
+        limits = self.limits
+        speed = along = size = 0.0
+        for v, f in zip(self._v, self._force, strict=True):
+            speed += v * v
+            along += f * v
+            size += f * f
+        speed, size = sqrt(speed), sqrt(size)
+        against = -along / speed if speed > 1e-6 else 0.0
+        self._blocked_s = self._blocked_s + period if against > limits.blocked_n else 0.0
+        if self._blocked_s > limits.blocked_s:
+            self._comply("blocked")
+        if speed < limits.moving_m_per_s:
+            self._held = False
+        self._held = self._held or size > limits.held_n
+        self._alone_s = self._alone_s + period if self._held and size < limits.let_go_n and speed > limits.let_go_m_per_s else 0.0
+        if self._alone_s > limits.let_go_s:
+            self._comply("let go")
+        signed = max(self._force, key=abs)
+        self._slow += (1.0 - exp(-2.0 * pi * period)) * (signed - self._slow)
+        self._shaken += min(period / 0.5, 1.0) * (abs(signed - self._slow) - self._shaken)
+        self._shake = 1.57 * self._shaken  # mean |sin| is amplitude / 1.57
+        self._rest_s = self._rest_s + period if speed < 0.05 else 0.0
+        self._felt += min(period, 1.0) * (signed - self._felt)
+
+    def _think(self, obs: Observation, period: float, fresh: bool) -> None:
+        """The skill's wish, faded by confidence; on an old sample the last one."""
+        if not fresh:
+            return
+        trust = 1.0
+        if self._tells is not None:
+            try:
+                trust = float(self._tells(obs))
+            except Exception as error:
+                self._fault(f"tells: {error!r}")
+                return
+            trust = min(max(trust, 0.0), 1.0) if isfinite(trust) else 0.0
+        share = min(trust, float(self._confidence[0]) + period / self.limits.fade_s)
+        self._confidence[0] = share
+        started = self._timer() if self._timer is not None else 0.0
+        try:
+            self.skill.step(obs, self._inner)
+            problem = self._unfit()
+        except Exception as error:
+            problem = repr(error)
+        if self._timer is not None and not problem and (took := self._timer() - started) > self._dt:
+            problem = f"took {1000.0 * took:.0f} ms"
+        if problem:
+            self._inner = Command(self._d)
+            self._fault(f"policy: {problem}")
+            return
+        wanted = self._inner.velocity.tolist()
+        if share < 1.0:
+            b = self.limits.comply_damping_ns_per_m
+            wanted = [share * w + (1.0 - share) * f / b for w, f in zip(wanted, self._force, strict=True)]
+        self._wanted = wanted
+        if self._frozen is not None:
+            self._show()
+
+    def _unfit(self) -> str:
+        inner = self._inner
+        for name in ("velocity", "position", "acceleration"):
+            array = getattr(inner, name)
+            if np.shape(array) != (self._d,):
+                return f"{name} has shape {np.shape(array)} instead of ({self._d},)"
+            for value in array.tolist():
+                if not isfinite(value):
+                    return f"{name} is {value}"
+        return ""
+
+    def _show(self) -> None:
+        """Under the names and sizes that the recorder knows from the first skill."""
+        assert self._frozen is not None
+        new = self.skill.diagnostics
+        for name, array in self._frozen.items():
+            fits = name in new and new[name].shape == array.shape
+            array[...] = new[name] if fits else np.nan
+
+    def _braked(self, v: float, period: float) -> float:
+        left = abs(v) - self.limits.a_max_m_per_s2 * max(period, self._dt)
+        return copysign(left, v) if left > 0.0 else 0.0
+
+    def _cap(self, room: float) -> float:
+        """Fastest speed [m/s] from which one can brake inside `room` [m]."""
+        a = self.limits.a_max_m_per_s2
+        return max(0.0, sqrt(2.0 * a * room) - 0.5 * a * self._late) if room > 0.0 else 0.0
+
+    def _clip(self, period: float) -> list[float]:
+        """What is brakeable AND reachable, whatever was wanted. The two intervals always meet (docs/safety.md)."""
+        limits, velocity = self.limits, []
+        self._asked = self._wanted
+        if self._state == COMPLY:
+            self._asked = [f / limits.comply_damping_ns_per_m for f in self._force]
+        change = limits.a_max_m_per_s2 * period
+        for i, old in enumerate(self._v):
+            if self._state == HOLD:
+                velocity.append(self._braked(old, period))
+                continue
+            low, high = self._walls[i]
+            x, at, tank = self._x[i], self._at[i], self._energy[i] / limits.force_limit_n
+            up = min(limits.v_max_m_per_s, self._cap(min(high - max(x, at), tank)))
+            down = min(limits.v_max_m_per_s, self._cap(min(min(x, at) - low, tank)))
+            v = min(max(self._asked[i], -down), up)
+            velocity.append(min(max(v, old - change), old + change))
+        return velocity
+
+    def _write(self, command: Command, velocity: list[float], passed: bool) -> None:
+        """Position and acceleration go with the velocity; the skill's own pass where its velocity did and they are near."""
+        limits, inner, near = self.limits, self._inner, self.limits.v_max_m_per_s * self._late
+        for i, v in enumerate(velocity):
+            low, high = self._walls[i]
+            if self._state == HOLD:
+                position = self._sent[i] + v * self._dt
+            else:
+                position = self._at[i] + v * self._dt
+                if passed:
+                    position = min(max(float(inner.position[i]), self._at[i] - near), self._at[i] + near)
+            self._sent[i] = min(max(position, low), high) if v != 0.0 or self._state != HOLD else position
+            command.position[i] = self._sent[i]
+            command.velocity[i] = v
+            a = float(inner.acceleration[i]) if passed else 0.0
+            command.acceleration[i] = min(max(a, -limits.a_max_m_per_s2), limits.a_max_m_per_s2)
+            self._tank[i] = self._energy[i]
+        self._mode[0] = self._state

@@ -1,0 +1,141 @@
+"""Plants one defect at a time in a copy of skills/envelope.py and counts how many the tests notice.
+
+    python tests/mutate_envelope.py [first [last]]        the score, and which defects survived
+
+Not collected by pytest: it takes minutes. Each defect is one replacement of text that occurs exactly once.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+TESTS = ["tests/faults/test_controller_faults.py", "tests/laws/test_envelope_laws.py"]
+DEFECTS = [
+    ("no clip to the reachable", "velocity.append(min(max(v, old - change), old + change))", "velocity.append(v)"),
+    ("no clip to the brakeable", "v = min(max(self._asked[i], -down), up)", "v = self._asked[i]"),
+    (
+        "the two clips in the wrong order",
+        "v = min(max(self._asked[i], -down), up)",
+        "v = min(max(self._asked[i], old - change), old + change); old, change = v, 0.0; v = min(max(v, -down), up)",
+    ),
+    ("no upper wall", "self._cap(min(high - max(x, at), tank))", "self._cap(tank)"),
+    ("no lower wall", "self._cap(min(min(x, at) - low, tank))", "self._cap(tank)"),
+    ("no tank upwards", "self._cap(min(high - max(x, at), tank))", "self._cap(high - max(x, at))"),
+    ("no tank downwards", "self._cap(min(min(x, at) - low, tank))", "self._cap(min(x, at) - low)"),
+    ("cap without the period", "sqrt(2.0 * a * room) - 0.5 * a * self._late", "sqrt(2.0 * a * room) - 0.0 * a * self._late"),
+    ("cap too fast", "sqrt(2.0 * a * room)", "sqrt(2.4 * a * room)"),
+    ("cap too slow", "sqrt(2.0 * a * room)", "sqrt(1.0 * a * room)"),
+    ("no top speed upwards", "up = min(limits.v_max_m_per_s, self._cap", "up = min(9.0, self._cap"),
+    ("no top speed downwards", "down = min(limits.v_max_m_per_s, self._cap", "down = min(9.0, self._cap"),
+    ("change by the nominal period", "change = limits.a_max_m_per_s2 * period", "change = limits.a_max_m_per_s2 * self._dt"),
+    ("energy with the wrong sign", "gain = self._force[i] * way", "gain = -self._force[i] * way"),
+    ("unknown force booked as none", "else -limits.force_limit_n * abs(way)", "else 0.0"),
+    ("tank without a top", "min(limits.energy_j, max(0.0, self._energy[i] + gain))", "max(0.0, self._energy[i] + gain)"),
+    ("tank without a bottom", "max(0.0, self._energy[i] + gain)", "self._energy[i] + gain"),
+    ("late: assumed held all the time", "if late:  # a command", "if False:  # a command"),
+    ("ledger by the nominal period", "way = v * period", "way = v * self._dt"),
+    ("ledger stands still", "self._x[i] += way", "self._x[i] += 0.0 * way"),
+    ("a force of NaN is good", "if not abs(force) < ABSURD:", "if abs(force) >= ABSURD:"),
+    ("force limit doubled", "if abs(force) > self.limits.force_limit_n:", "if abs(force) > 2.0 * self.limits.force_limit_n:"),
+    ("force limit on one side", "if abs(force) > self.limits.force_limit_n:", "if force > self.limits.force_limit_n:"),
+    ("velocity never doubted", "if abs(velocity) > 10.0", "if abs(velocity) > 1e99"),
+    ("jump never doubted", "if jump > limits.position_jump_m", "if jump > 1e9 + limits.position_jump_m"),
+    ("drift never doubted", "> limits.drift_m and", "> 1e9 and"),
+    ("stuck never doubted", "if self._same_s[i] > limits.stuck_s + 1e-9:", "if self._same_s[i] > 1e9:"),
+    ("stuck at rest too", "and abs(self._v[i]) > limits.moving_m_per_s:\n", "and True:\n"),
+    ("late never doubted", "late = period > self._late + 1e-9", "late = False"),
+    ("stale never doubted", "if self._age > self._stale + 1e-9:", "if self._age > 1e9:"),
+    ("age never reset", "max(t, self._time), 0.0\n", "max(t, self._time), self._age\n"),
+    ("backwards is fine", "if step < 0.0:", "if step < -1e99:"),
+    ("time of NaN is fine", "        if not isfinite(t):", "        if False:"),
+    ("creeping clock is fine", "if step < 0.1 * dt:", "if step <= 0.0:"),
+    (
+        "the last reason wins",
+        "        if self._state != HOLD:\n            self._state, self._reason = HOLD",
+        "        if True:\n            self._state, self._reason = HOLD",
+    ),
+    ("fault without hold", "self._state, self._reason = HOLD, reason", "self._reason = reason"),
+    ("hold brakes at half", "left = abs(v) - self.limits.a_max", "left = abs(v) - 0.5 * self.limits.a_max"),
+    ("hold lets go at once", "velocity.append(self._braked(old, period))", "velocity.append(0.0)"),
+    ("re-arm in motion", "if measured > self.limits.rest_m_per_s or fastest", "if False and fastest"),
+    ("re-arm with a fault", "return problem or self._begin(obs)", "return self._begin(obs) and ''"),
+    ("re-arm keeps the ledger", "self._at, self._v, self._force = list(position)", "self._at, self._v, self._force = [0.0] * d"),
+    ("comply without damping", "[f / limits.comply_damping_ns_per_m for f", "[f for f"),
+    ("comply pushes back", "[f / limits.comply_damping_ns_per_m for f", "[-f / limits.comply_damping_ns_per_m for f"),
+    ("fade up at once", "period / self.limits.fade_s)", "1.0)"),
+    ("doubt of NaN is trust", "if isfinite(trust) else 0.0", "if isfinite(trust) else 1.0"),
+    (
+        "shape of a command unchecked",
+        'if np.shape(array) != (self._d,):\n                return f"{name} has shape {np.shape(array)}',
+        'if False:\n                return f"{name} has shape {np.shape(array)}',
+    ),
+    (
+        "NaN of a command unchecked",
+        "if not isfinite(value):\n                    return",
+        "if False:\n                    return",
+    ),
+    ("blocked never seen", "if self._blocked_s > limits.blocked_s:", "if False:"),
+    ("let go never seen", "if self._alone_s > limits.let_go_s:", "if False:"),
+    ("let go of nobody", "if self._held and size", "if size"),
+    ("shake never said", "if self._shake > limits.shake_n:", "if False:"),
+    ("bias never said", "if self._rest_s > 2.0 and", "if False and"),
+    ("checker ignored", "        if verdict:\n", "        if False:\n"),
+    ("skill stepped on old samples", "        if not fresh:\n            return\n", ""),
+    ("sent position unbounded", "min(max(position, low), high) if v", "position if v"),
+    ("acceleration unbounded", "min(max(a, -limits.a_max_m_per_s2), limits.a_max_m_per_s2)", "a"),
+    (
+        "skill's position unbounded",
+        "min(max(float(inner.position[i]), self._at[i] - near), self._at[i] + near)",
+        "float(inner.position[i])",
+    ),
+    ("first tick counts as old", "if self._first:", "if False:"),
+]
+
+
+PLUGIN = """from hypothesis import Phase, settings
+settings.register_profile("unshrunk", phases=[Phase.explicit, Phase.generate])
+settings.load_profile("unshrunk")
+"""  # a defect is caught by any failure; the shortest one is of no interest
+
+
+def noticed(source: str, folder: Path) -> bool:
+    (folder / "comanip/skills/envelope.py").write_text(source)
+    path = os.pathsep.join([str(folder), str(ROOT / "tests")])
+    quick = ["-x", "-q", "-p", "no:cacheprovider", "-p", "unshrunk", "-k", "not living_partners and not C22"]
+    command = [sys.executable, "-m", "pytest", *quick, *TESTS]
+    environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=120).returncode != 0
+    except subprocess.TimeoutExpired:
+        return True
+
+
+def main() -> None:
+    original = (ROOT / "src/comanip/skills/envelope.py").read_text()
+    survivors = []
+    defects = DEFECTS[slice(*([int(n) for n in sys.argv[1:]] + [len(DEFECTS)])[:2])] if sys.argv[1:] else DEFECTS
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "unshrunk.py").write_text(PLUGIN)
+        shutil.copytree(ROOT / "src/comanip", folder / "comanip")
+        if noticed(original, folder):
+            sys.exit("the tests fail without any defect")
+        for text, old, new in defects:
+            if original.count(old) != 1:
+                sys.exit(f"{text}: occurs {original.count(old)} times: {old!r}")
+            caught = noticed(original.replace(old, new), folder)
+            print("caught  " if caught else "SURVIVES", text, flush=True)
+            if not caught:
+                survivors.append(text)
+    n = len(defects)
+    print(f"{n - len(survivors)} of {n} caught ({100 * (n - len(survivors)) / n:.0f} %)")
+
+
+if __name__ == "__main__":
+    main()
