@@ -39,10 +39,9 @@ class PaperLaw:
     bounded           True: what goes into the regressions, and what comes out, is held within the taught range (three
                       standard deviations beyond the outermost states). A regression is a line and goes on; a task does not
     integrator        "euler" eq. (10), or "exact": the linear ODE of eq. (8) solved, one motion at any control period
-    weight_noise, input_noise   variances to add by channel name, (("position", 0.0016),): doubt in what enters the weights, or
-                      the regression of eq. (5). A hand that runs free is not where the lessons were: its position is weak evidence
+    weight_noise, input_noise   variances to add by channel name, (("position", 0.0016),): doubt in what enters the weights,
+                      or the regression of eq. (5). A hand that runs free is not where the lessons were: weak evidence
     transition_floor, gate   the filter's guards (see ForwardFilter); off, as printed. Free runs and robots want 1e-6 and 20
-    integrator        "euler" eq. (10), or "exact": the linear ODE of eq. (8) solved, one motion at any control period
     """
 
     weights: str = "hmm"
