@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import exp, pi
+from math import exp, isfinite, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -107,6 +107,9 @@ class CollaborativeSkill:
         self._low, self._high = self.reference.position.min(axis=0), self.reference.position.max(axis=0)
         self._top_speed = float(np.linalg.norm(self.reference.velocity, axis=1).max())
         self._h = np.zeros(model.n_states)
+        self._nothing = np.zeros(d)
+        self._nothing.setflags(write=False)
+        self._slow_share = 1.0 - exp(-2.0 * pi * self.law.shake_hz * dt)
         self._phase, self._rate = np.zeros(1), np.zeros(1)
         self._expected, self._compliance = np.zeros(d), np.zeros(d)
         self._velocity, self._position, self._slow = np.zeros(d), np.zeros(d), np.zeros(d)
@@ -138,21 +141,21 @@ class CollaborativeSkill:
         self.notice = f"outside what was taught by {outside:.2f} m: complies only" if self._complies_only else ""
 
     def step(self, obs: Observation, command: Command) -> None:
-        x = np.where(np.isfinite(obs.position), obs.position, self._position)
+        x = obs.position if isfinite(obs.position.sum()) else np.where(np.isfinite(obs.position), obs.position, self._position)
         # a missing force is taken as none: the compliance then only dies away
-        force = np.where(np.isfinite(obs.force), obs.force, 0.0)
+        force = obs.force if isfinite(obs.force.sum()) else np.where(np.isfinite(obs.force), obs.force, 0.0)
         self._position[:] = x
         self._weigh(x, obs.force)
         if self._complies_only:
-            feedforward, reference = np.zeros_like(x), np.zeros_like(x)
+            feedforward, reference = self._nothing, self._nothing
             self._expected[:] = 0.0
         elif self.role == "leader":
-            feedforward, reference = np.zeros_like(x), self._lead(x, force)
+            feedforward, reference = self._nothing, self._lead(x, force)
         else:
-            feedforward, reference = self._anticipate(x, force), np.zeros_like(x)
+            feedforward, reference = self._anticipate(x, force), self._nothing
         self._comply(force - self._expected, reference, feedforward)
         limit = self.law.max_acceleration_m_per_s2 * self._dt
-        change = np.clip(reference + self._compliance - self._velocity, -limit, limit)
+        change = np.minimum(np.maximum(reference + self._compliance - self._velocity, -limit), limit)
         self._velocity += change
         command.velocity[:] = self._velocity + self.law.lead_s / self._dt * change
         command.position[:] = x + self._dt * self._velocity
@@ -161,7 +164,7 @@ class CollaborativeSkill:
     def _comply(self, excess: Array, reference: Array, feedforward: Array) -> None:
         """The mass-damper; damping is implicit, so any value is stable by itself at any dt."""
         law = self.law
-        speed = max(float(np.abs(self._compliance).max()), float(np.abs(reference).max()))
+        speed = max(_largest(self._compliance), _largest(reference))
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest**2 * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
         damping += self._against_shaking(excess)
@@ -177,8 +180,8 @@ class CollaborativeSkill:
         stable if B + D > tau K. So a stiff partner needs D, and only he does.
         """
         law = self.law
-        self._slow += (1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)) * (excess - self._slow)
-        fast = float(np.abs(excess - self._slow).max())
+        self._slow += self._slow_share * (excess - self._slow)
+        fast = _largest(excess - self._slow)
         self._shake += min(self._dt / 0.3, 1.0) * (fast - self._shake)
         return law.shake_damping_ns_per_m_per_n * max(1.57 * self._shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
 
@@ -189,7 +192,7 @@ class CollaborativeSkill:
         target = reference.at(reference.position, s) if s >= 0.0 else self._start
         velocity = reference.at(reference.velocity, s) if moving else np.zeros_like(x)
         self._expected[:] = reference.at(reference.force, s) if s >= 0.0 else 0.0
-        speed = float(np.linalg.norm(velocity))
+        speed = sqrt(velocity @ velocity)
         against = float((force - self._expected) @ velocity) / speed if speed > 1e-6 else 0.0
         excess = min(against + law.yield_n, 0.0)
         self._resistance += min(self._dt / law.patience_s, 1.0) * (excess - self._resistance)
@@ -200,7 +203,7 @@ class CollaborativeSkill:
 
     def _bounded(self, error: Array) -> Array:
         """The attractor never asks for more than the taught top speed, however far away it starts."""
-        length = float(np.linalg.norm(error)) * self.law.attraction_per_s
+        length = sqrt(error @ error) * self.law.attraction_per_s
         return error * min(1.0, self._top_speed / length) if length > 1e-9 else error
 
     def _anticipate(self, x: Array, force: Array) -> Array:
@@ -210,17 +213,17 @@ class CollaborativeSkill:
         s = reference.closest(taught, float(self._phase[0]))
         self._rate[0] = (s - float(self._phase[0])) / self._dt
         self._phase[0] = s
-        speed = float(np.linalg.norm(self._compliance))
+        speed = sqrt(self._compliance @ self._compliance)
         if speed < 0.02:
             return np.zeros_like(x)
         now = reference.at(reference.velocity, s)
-        usual = max(float(np.linalg.norm(now)), 0.03)
+        usual = max(sqrt(now @ now), 0.03)
         ahead = reference.at(reference.velocity, s + law.anticipation_s * min(speed / usual, 2.0))
         along = self._compliance / speed
         agreement = min(max((float(force @ along) + 1.0) / 2.0, 0.0), 1.0)  # a partner who brakes switches it off
         agreement *= min(speed / law.moving_speed_m_per_s, 1.0)
         foreseen = (ahead - now) / law.anticipation_s * min(speed / usual, 1.5)
-        return law.anticipation * agreement * np.clip(foreseen, -1.0, 1.0)
+        return law.anticipation * agreement * np.minimum(np.maximum(foreseen, -1.0), 1.0)
 
     def _weigh(self, x: Array, force: Array) -> None:
         """Eq. (4) from position and force on the model's own clock: which state of the task this is."""
@@ -229,3 +232,8 @@ class CollaborativeSkill:
             n = len(self._filter.channels)
             self._h[:] = self._filter.step(np.concatenate([x, force])[:n])
         self._until_filter -= self._dt
+
+
+def _largest(values: Array) -> float:
+    """Largest |value| of a handful; Python's own is faster than numpy's there."""
+    return max(map(abs, values.tolist()))

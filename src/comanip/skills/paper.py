@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -183,10 +184,10 @@ class PaperSkill:
         self._before: Array | None = None  # force of the last tick
 
     def step(self, obs: Observation, command: Command) -> None:
-        x = np.where(np.isfinite(obs.position), obs.position, self._position)
-        dx = np.where(np.isfinite(obs.velocity), obs.velocity, self._velocity)
+        x = obs.position if isfinite(obs.position.sum()) else np.where(np.isfinite(obs.position), obs.position, self._position)
+        dx = obs.velocity if isfinite(obs.velocity.sum()) else np.where(np.isfinite(obs.velocity), obs.velocity, self._velocity)
         self._weigh(x, obs.force, dx)
-        felt = self._has_force and bool(np.isfinite(obs.force).all())
+        felt = self._has_force and isfinite(obs.force.sum())
         self._integrate(x, dx, obs.force if felt else None)
         command.position[:], command.velocity[:] = self._position, self._velocity
         command.acceleration[:] = (self._velocity - dx) / self._dt
@@ -206,15 +207,22 @@ class PaperSkill:
 
     def _regress(self, x: Array, dx: Array, force: Array | None) -> None:
         """Eqs. (5) and (6) with the present weights; without force, velocity from position alone."""
-        near = np.clip(x, *self._range["position"])
+        near = self._held(x, "position")
         if force is not None:
-            self._force = np.clip(force, *self._range["force"])
+            self._force[:] = self._held(force, "force")  # a copy: the observation is rewritten next tick
             self._velocity_from.mean(self._h, np.concatenate([near, self._force]), out=self._v_hat)
         else:
             self._blind.mean(self._h, near, out=self._v_hat)
-        np.clip(self._v_hat, *self._range["velocity"], out=self._v_hat)
+        self._v_hat[:] = self._held(self._v_hat, "velocity")
         self._position_from.mean(self._h, self._backward_inputs(dx), out=self._x_hat)
-        np.clip(self._x_hat, *self._range["position"], out=self._x_hat)
+        self._x_hat[:] = self._held(self._x_hat, "position")
+
+    def _held(self, values: Array, group: str) -> Array:
+        """Within the taught range, where the law asks for it. (numpy.clip costs five times these two.)"""
+        if not self.law.bounded:
+            return values
+        low, high = self._range[group]
+        return np.asarray(np.minimum(np.maximum(values, low), high))
 
     def _backward_inputs(self, dx: Array) -> Array:
         v = self._v_hat if self.law.target_position == "predicted" else dx
