@@ -113,6 +113,14 @@ def test_the_partner_lifts_and_the_force_is_positive():
     assert (tilt > 0).all()
 
 
+def test_the_partner_pulls_at_the_far_handle():
+    """Statics: 6 N at the handle is a moment of 6 N times its distance from each pitch axis of the arm."""
+    plant = plant_of(Pulling(lambda t: 6.0 * minimum_jerk(t - 0.2)[0]))
+    torque = run(plant, Follows(still), duration_s=2.0)["robot.torque"]
+    wrist = torque.values[:, torque.axes.index("RARM5")]
+    assert wrist[-20:].mean() - wrist[0] == pytest.approx(6.0 * (0.8 + 0.17), rel=0.01)
+
+
 def test_truth_is_half_the_difference_of_the_two_pulls(lifted):
     """From what the hand does to the beam (the sensor's path) comes the same F as from the partner and the beam's momentum."""
     recording = lifted[1]

@@ -134,6 +134,7 @@ def _give_beam(spec: Any, robot: Robot, mass: float, length: float) -> None:
     far = beam.add_body(name="far handle", pos=(length, 0.0, 0.0))
     far.explicitinertial = True
     far.mass, far.inertia = FAR_HANDLE_KG, (1e-7, 1e-7, 1e-7)
+    far.ipos = (0.0, 0.0, 0.0)  # unsaid, it would be a copy of `pos`: the partner would pull another beam's length away
     far.add_site(name="far handle", size=(0.01, 0.01, 0.01))
     shape: dict[str, Any] = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": 1}
     wood, metal = (0.76, 0.55, 0.33, 1.0), (0.30, 0.32, 0.35, 1.0)
