@@ -17,51 +17,8 @@ from comanip.plants.partners import Arm, HumanLeader, Plan, minimum_jerk
 
 mujoco = pytest.importorskip("mujoco", reason="the humanoid needs comanip[humanoid]")
 
-from comanip.plants.humanoid import HumanoidPlant, load_robot  # noqa: E402
-
-QUIET = WristSensor(noise_n=0.0, bias_n=0.0, delay_s=0.0)
-HALF = 0.5 * 2.0 * STANDARD_GRAVITY
-
-
-class Pulling:
-    """A partner who carries his share and pulls by an extra force that may change with time."""
-
-    def __init__(self, extra=lambda time: 0.0, *, axes=("z",), share=HALF):
-        self.extra, self.carried = extra, np.array([share if a == "z" else 0.0 for a in axes])
-
-    def reset(self, position):
-        self.taken_at = position.copy()
-
-    def force(self, time, position, velocity, out):
-        out[:] = self.carried + self.extra(time)
-
-
-class Follows:
-    """A skill that asks for a velocity that is a function of time."""
-
-    stop_reason = notice = ""
-
-    def __init__(self, velocity):
-        self.velocity, self.diagnostics = velocity, {}
-
-    def reset(self, obs):
-        pass
-
-    def step(self, obs, command):
-        command.velocity[:] = self.velocity(obs.time)
-
-
-def still(time):
-    return 0.0
-
-
-def lift(time, by=0.38, lasting=2.0, onset=0.2):
-    return by / lasting * minimum_jerk((time - onset) / lasting)[1]
-
-
-def plant_of(partner=None, **settings):
-    settings = {"sensor": QUIET, "rng": np.random.default_rng(0), **settings}
-    return HumanoidPlant(partner or Pulling(axes=settings.get("axes", ("z",))), **settings)
+from comanip.plants.humanoid import load_robot  # noqa: E402
+from humanoids import HALF, QUIET, Follows, Pulling, lift, plant_of, still  # noqa: E402
 
 
 @pytest.fixture(scope="module")

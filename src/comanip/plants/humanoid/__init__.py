@@ -8,6 +8,7 @@ from typing import Any
 
 _PUBLIC = {
     "HumanoidPlant": "plant",
+    "EQUIVALENT_BEAM": "plant",
     "Robot": "robot",
     "load_robot": "robot",
     "InverseKinematics": "inverse_kinematics",

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...errors import ParameterError
 from ...interfaces import STANDARD_GRAVITY, Array, Command, Observation, Partner
-from ..beam import WristSensor
+from ..beam import Beam, WristSensor
 from .inverse_kinematics import WORLD, InverseKinematics
 from .robot import Robot, load_robot
 from .scene import (
@@ -36,6 +36,9 @@ FALLEN_SHARE, FALLEN_COSINE = 0.85, 0.94  # of the base's height; of its upright
 # While the robot takes its stand, and never afterwards: damping on the base [N s/m], [N m s/rad]; of the joints [s] of stiffness
 SETTLING_DAMPING, SETTLING_TIME_S = 1000.0, 0.02
 LIMITS = ("range", "speed", "torque", "reach")
+
+# The exact beam that moves most like this robot with any load (identified from pulls and lifts; docs/physics.md).
+EQUIVALENT_BEAM = Beam(wrist_stiffness_nm_per_rad=610.0, wrist_damping_nms_per_rad=16.0, actuator_lag_s=0.018)
 
 
 class HumanoidPlant:
