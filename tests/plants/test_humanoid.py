@@ -13,12 +13,11 @@ from comanip.errors import ParameterError
 from comanip.interfaces import STANDARD_GRAVITY
 from comanip.loop import run
 from comanip.plants.beam import BeamPlant, WristSensor
+from comanip.plants.humanoid import load_robot
 from comanip.plants.partners import Arm, HumanLeader, Plan, minimum_jerk
+from humanoids import HALF, QUIET, Follows, Pulling, lift, plant_of, still
 
 mujoco = pytest.importorskip("mujoco", reason="the humanoid needs comanip[humanoid]")
-
-from comanip.plants.humanoid import load_robot  # noqa: E402
-from humanoids import HALF, QUIET, Follows, Pulling, lift, plant_of, still  # noqa: E402
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco", reason="the humanoid needs comanip[humanoid]")
-
 from comanip.demonstration import demonstration
 from comanip.filters import smooth
 from comanip.interaction import TaringInteractionForce, gravity_along, identify_payload
@@ -16,9 +14,12 @@ from comanip.plants.beam import Beam, BeamPlant, WristSensor
 from comanip.plants.humanoid import EQUIVALENT_BEAM
 from comanip.plants.humanoid.plant import HumanoidPlant
 from comanip.plants.partners import minimum_jerk
+from comanip.recording import Recording
 from comanip.reproduction import make_skill
 from comanip.trials import Case, judge, partner_of
 from humanoids import HALF, Follows, Pulling, lift, plant_of, still
+
+mujoco = pytest.importorskip("mujoco", reason="the humanoid needs comanip[humanoid]")
 
 LEADING = Case("follower", 0.30, 2.2, 0.8, 150.0, 20.0, 30.0, 0.15, 2.0, 0.0, 0.2, 0.005, 0.05, 11)
 FOLLOWING = Case("leader", 0.30, 2.2, 0.0, 100.0, 20.0, 30.0, 0.15, 2.0, 0.0, 0.2, 0.005, 0.05, 12)
@@ -47,7 +48,8 @@ def test_interaction_force_by_eq_3_is_the_truth_within_a_third_of_a_newton(case,
     assert np.abs(true).max() > 1.5  # there was something to measure
     on_line = recording["hand.force"].values[:, 0] + true[:25].mean()  # what was pulled while it weighed counts as weight
     assert np.sqrt(np.mean((on_line - true) ** 2)) < 0.3
-    lesson = demonstration(recording, rate_hz=100.0, role=case.role)
+    raw = Recording({n: c for n, c in recording.channels.items() if n != "hand.force"}, recording.metadata)
+    lesson = demonstration(raw, rate_hz=100.0, role=case.role)
     at = lesson.dt * np.arange(len(lesson)) + recording["hand.position"].time[0]
     prepared = np.interp(at, recording["hand.position"].time, true)
     assert np.sqrt(np.mean((lesson.force[:, 0] - prepared) ** 2)) < 0.3
@@ -104,6 +106,19 @@ def test_a_state_that_is_not_finite_is_not_healed_in_silence():
     zero = np.abs(last) < 0.01
     assert not zero.all()
     assert recording["hand.position"].time[-1] == pytest.approx(0.31, abs=0.011)
+
+
+def test_a_warning_of_the_simulator_ends_the_run():
+    plant = plant_of()
+
+    def overflowing(time):
+        if time > 0.195:
+            plant._data.warning[mujoco.mjtWarning.mjWARN_CONTACTFULL].number += 1
+        return 0.0
+
+    recording = run(plant, Follows(overflowing), duration_s=1.0)
+    assert "CONTACTFULL" in recording.metadata["stop_reason"]
+    assert recording.duration_s == pytest.approx(0.2, abs=0.02)
 
 
 def test_the_equivalent_beam_moves_like_the_humanoid():

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from comanip.errors import ParameterError
+from comanip.plants.humanoid import InverseKinematics, load_robot
+from comanip.plants.humanoid.scene import build
 from comanip.plants.partners import minimum_jerk
 
 mujoco = pytest.importorskip("mujoco", reason="the humanoid needs comanip[humanoid]")
-
-from comanip.plants.humanoid import InverseKinematics, load_robot  # noqa: E402
-from comanip.plants.humanoid.scene import build  # noqa: E402
 
 STEP_S = 0.005
 
