@@ -12,6 +12,8 @@ _PUBLIC = {
     "Robot": "robot",
     "load_robot": "robot",
     "InverseKinematics": "inverse_kinematics",
+    "film": "render",
+    "picture": "render",
 }
 
 __all__ = list(_PUBLIC)

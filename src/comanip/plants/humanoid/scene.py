@@ -112,9 +112,39 @@ def _set_stage(spec: Any) -> None:
     option.disableflags |= mj.mjtDisableBit.mjDSBL_AUTORESET
     world = spec.worldbody
     world.add_geom(
-        name="floor", type=mj.mjtGeom.mjGEOM_PLANE, size=(6, 6, 0.1), condim=3, friction=(0.9, 0.01, 0.001), solref=(0.01, 1.0),
-        contype=1, conaffinity=1,
+        name="floor", type=mj.mjtGeom.mjGEOM_PLANE, size=(12, 12, 0.1), condim=3, friction=(0.9, 0.01, 0.001),
+        solref=(0.01, 1.0), contype=1, conaffinity=1, material=_floor(spec),
     )  # fmt: skip
+    _sun(world.add_light(pos=(-1.0, -2.0, 4.0), dir=(0.30, 0.62, -1.0), diffuse=(0.55, 0.55, 0.53), specular=(0.2, 0.2, 0.2)))
+    _sun(world.add_light(dir=(-0.6, 0.8, -0.5), diffuse=(0.14, 0.15, 0.17), specular=(0, 0, 0), castshadow=False))
+    light = spec.visual.headlight
+    light.ambient, light.diffuse, light.specular = (0.42, 0.42, 0.43), (0.16, 0.16, 0.16), (0.03, 0.03, 0.03)
+    spec.visual.quality.shadowsize = 4096
+    spec.visual.rgba.haze = (0.87, 0.90, 0.93, 1.0)
+
+
+def _sun(light: Any) -> None:
+    """Parallel rays; how to say so has changed between versions of the simulator."""
+    if hasattr(light, "directional"):
+        light.directional = True
+    else:
+        light.type = mujoco().mjtLightType.mjLIGHT_DIRECTIONAL
+
+
+def _floor(spec: Any) -> str:
+    """Name of the floor's material; sky and floor are for the eye."""
+    textures, builtin = mujoco().mjtTexture, mujoco().mjtBuiltin
+    spec.add_texture(
+        name="sky", type=textures.mjTEXTURE_SKYBOX, builtin=builtin.mjBUILTIN_GRADIENT, width=32, height=192,
+        rgb1=(0.66, 0.74, 0.83), rgb2=(0.87, 0.90, 0.93),
+    )  # fmt: skip
+    spec.add_texture(
+        name="tiles", type=textures.mjTEXTURE_2D, builtin=builtin.mjBUILTIN_CHECKER, width=64, height=64,
+        rgb1=(0.84, 0.84, 0.83), rgb2=(0.79, 0.79, 0.79),
+    )  # fmt: skip
+    material = spec.add_material(name="floor", texrepeat=(1.6, 1.6), texuniform=True, reflectance=0.0, specular=0.0)
+    material.textures[mujoco().mjtTextureRole.mjTEXROLE_RGB] = "tiles"
+    return "floor"
 
 
 def _give_beam(spec: Any, robot: Robot, mass: float, length: float) -> None:
