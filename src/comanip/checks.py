@@ -259,6 +259,8 @@ def check_force(where: str, force: Array, velocity: Array, dt: float, role: str,
             listed = ", ".join(f"{b:.2f}" for b in bias)
             suspect(notes, f"{where}: force at rest is {listed} N: a bias, a wrong sign or the object's weight? tare it")
     moved, pushed = velocity.ravel(), (force - bias).ravel()
+    if role == "natural":  # each may be ahead of the other: neither sign is wrong
+        return
     norm = float(np.sqrt((moved @ moved) * (pushed @ pushed)))
     along = float(moved @ pushed) / norm if norm > 0.0 else 0.0
     if along < (-0.5 if role != "follower" else -0.3) and role != "leader":

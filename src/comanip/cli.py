@@ -136,8 +136,9 @@ def convert(file: Path, out: Path, /, *, data: Data = DataFlags(), json: Json = 
 @app.command
 def teach(
     *,
-    role: Literal["leader", "follower"],
+    role: Annotated[Literal["leader", "follower", "natural"], Parameter(help="Of the robot; natural: nobody is told one.")],
     lessons: int = 5,
+    dyad: Annotated[Literal["a", "b", "c"], Parameter(help="Which two people.")] = "a",
     seed: int = 0,
     plant: Plant = "beam",
     out: Out = Path("lessons"),
@@ -146,7 +147,7 @@ def teach(
     """Record lessons from a simulated teacher on a haptic handle with a simulated partner."""
     from .commands import running as command
 
-    command.teach(role, lessons, seed, plant, out, json)
+    command.teach(role, lessons, dyad, seed, plant, out, json)
 
 
 @app.command

@@ -1,7 +1,8 @@
 """Lessons: a teacher moves the robot through a haptic handle while a partner holds the other end of the beam.
 
 The paper's two sets (section II-A): robot as follower (teacher blind, partner leads) and robot as leader (teacher leads,
-partner blind). Each lesson draws its lift, duration, onset and the day's arms from stated distributions.
+partner blind). A third set is "natural": nobody is told a role, both know about how high and how fast, and each gives way to
+what he feels of the other. Each lesson draws its lift, duration, onset and the day's arms from stated distributions.
 """
 
 from __future__ import annotations
@@ -11,21 +12,25 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
-from .devices.teacher import SimulatedTeacher, TeacherHand, TeacherPlan, TeacherYielding
+from .devices.teacher import SimulatedTeacher, TeacherHand
 from .errors import ParameterError
-from .interfaces import STANDARD_GRAVITY
+from .humans import Plan, Yielding
+from .interfaces import STANDARD_GRAVITY, Partner
 from .loop import run
 from .plants.beam import Beam, BeamPlant, WristSensor
-from .plants.partners import Arm, HumanFollower, HumanLeader, Plan, Yielding, dyad
+from .plants.partners import Arm, HumanFollower, HumanLeader, HumanSharing, dyad
 from .recording import Recording
 from .skills.teleoperation import Teleoperation
 
 ROLES = ("leader", "follower")
+SCENARIOS = (*ROLES, "natural")
 
 
 @dataclass(frozen=True)
 class Habits:
-    """Distributions that lessons are drawn from: (mean, standard deviation), or (low, high) for onset."""
+    """A dyad: its arms and habits, and the distributions that lessons are drawn from: (mean, standard deviation), or (low,
+    high) for onset. What the teacher feels is stated at the ROBOT's scale; the handle's is s_v K_f or K_f times that.
+    """
 
     lift_m: tuple[float, float] = (0.30, 0.025)
     duration_s: tuple[float, float] = (2.2, 0.25)
@@ -36,7 +41,49 @@ class Habits:
     leading_arm: Arm = field(default_factory=lambda: Arm(120.0, 20.0))
     following_arm: Arm = field(default_factory=lambda: Arm(90.0, 22.0))
     yielding: Yielding = field(default_factory=Yielding)
+    leading_hand: TeacherHand = field(default_factory=TeacherHand)
+    following_hand: TeacherHand = field(default_factory=lambda: TeacherHand(stiffness_n_per_m=90.0))
+    teacher_damping_ns_per_m: float = 40.0  # F it takes a following teacher for 1 m/s
     teacher_dead_zone_n: float = 2.0  # F that a following teacher does not answer
+    teacher_delay_s: float = 0.12
+    # natural lessons: how far two people's ideas of the same lift lie apart (standard deviation of each)
+    lift_apart_m: float = 0.015
+    duration_apart: float = 0.05  # share of the duration
+    onset_apart_s: float = 0.15
+
+
+# Three pairs of people: "a" as in all figures, "b" softer and more patient, "c" stiffer and quicker, with a shorter way up
+DYADS = {
+    "a": Habits(),
+    "b": Habits(
+        lift_m=(0.33, 0.03),
+        duration_s=(2.9, 0.3),
+        shortest_s=2.3,
+        onset_s=(0.5, 1.6),
+        leading_arm=Arm(85.0, 16.0),
+        following_arm=Arm(65.0, 17.0),
+        yielding=Yielding(damping_ns_per_m=20.0, persistence=0.4, delay_s=0.18, dead_zone_n=0.5),
+        leading_hand=TeacherHand(0.5, 110.0, 12.0),
+        following_hand=TeacherHand(0.5, 70.0, 11.0),
+        teacher_damping_ns_per_m=32.0,
+        teacher_dead_zone_n=1.5,
+        teacher_delay_s=0.15,
+    ),
+    "c": Habits(
+        lift_m=(0.26, 0.02),
+        duration_s=(1.9, 0.15),
+        shortest_s=1.6,
+        onset_s=(0.3, 0.9),
+        leading_arm=Arm(190.0, 30.0),
+        following_arm=Arm(130.0, 30.0),
+        yielding=Yielding(damping_ns_per_m=34.0, persistence=0.5, delay_s=0.12, dead_zone_n=1.2),
+        leading_hand=TeacherHand(0.8, 230.0, 20.0),
+        following_hand=TeacherHand(0.8, 130.0, 18.0),
+        teacher_damping_ns_per_m=50.0,
+        teacher_dead_zone_n=2.5,
+        teacher_delay_s=0.10,
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -59,12 +106,13 @@ def teach(
     coupling: Coupling = Coupling(),
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Recording]:
-    """`lessons` Recordings of the robot in `role` ("leader" or "follower"), at the device's 1 kHz, vertical axis.
+    """`lessons` Recordings of the robot in `role` ("leader", "follower", or "natural"), at the device's 1 kHz, vertical axis.
 
-    The recordings hold raw sensor force; the interaction force of eq. (3) is computed when they become demonstrations.
+    `habits` is the dyad, for example DYADS["b"]. The recordings hold raw sensor force; the interaction force of eq. (3) is
+    computed when they become demonstrations.
     """
-    if role not in ROLES:
-        raise ParameterError(f"role {role!r} is unknown; roles are: {', '.join(ROLES)}")
+    if role not in SCENARIOS:
+        raise ParameterError(f"role {role!r} is unknown; roles are: {', '.join(SCENARIOS)}")
     recordings = []
     for number in range(lessons):
         recordings.append(_lesson(role, number, rng, habits, beam, sensor, coupling))
@@ -82,39 +130,79 @@ def _lesson(
     sensor: WristSensor,
     coupling: Coupling,
 ) -> Recording:
-    lift = float(rng.normal(*habits.lift_m))
-    duration = max(habits.shortest_s, float(rng.normal(*habits.duration_s)))
-    onset = float(rng.uniform(*habits.onset_s))
+    drawn = Plan(
+        lift_m=float(rng.normal(*habits.lift_m)),
+        duration_s=max(habits.shortest_s, float(rng.normal(*habits.duration_s))),
+        onset_s=float(rng.uniform(*habits.onset_s)),
+        feedforward_kg=0.5 * beam.mass_kg,
+    )
     start = np.array([rng.normal(*habits.start_m)])
-    gain, scale = coupling.force_gain, coupling.velocity_scale
-    share = 0.5 * beam.mass_kg
-    static = np.array([-gain * share * STANDARD_GRAVITY])
-    partner: HumanLeader | HumanFollower
-    if role == "follower":
-        arm = replace(dyad(rng, habits.leading_arm), carried_n=share * STANDARD_GRAVITY)
-        partner = HumanLeader(Plan(lift, duration, onset, feedforward_kg=share), arm, rng=rng)
-        teacher = SimulatedTeacher(
-            yielding=TeacherYielding(damping_ns_per_m=40.0 * scale * gain, dead_zone_n=habits.teacher_dead_zone_n * gain),
-            hand=TeacherHand(stiffness_n_per_m=90.0),
-            static_force=static,
-            rng=rng,
-        )
-    else:
-        arm = replace(dyad(rng, habits.following_arm), carried_n=share * STANDARD_GRAVITY)
-        partner = HumanFollower(habits.yielding, arm, rng=rng)
-        teacher = SimulatedTeacher(plan=TeacherPlan(lift / scale, duration, onset), static_force=static, rng=rng)
+    partner, teacher = _people(role, drawn, habits, beam, coupling, rng)
     dt = coupling.device_period_s
     plant = BeamPlant(partner, beam=beam, sensor=sensor, dt=dt, start_position=start, rng=rng)
-    teleoperation = Teleoperation(teacher, n_axes=1, dt=dt, force_gain=gain, velocity_scale=scale)
+    teleoperation = Teleoperation(
+        teacher, n_axes=1, dt=dt, force_gain=coupling.force_gain, velocity_scale=coupling.velocity_scale
+    )
     metadata = {
         "role": role,
         "task": "lift",
         "lesson": number,
         "load_mass_kg": beam.mass_kg,
         "load_share": 0.5,
-        "lift_m": lift,
-        "duration_s": duration,
-        "onset_s": onset,
+        "lift_m": drawn.lift_m,
+        "duration_s": drawn.duration_s,
+        "onset_s": drawn.onset_s,
         "coupling": asdict(coupling),
     }
-    return run(plant, teleoperation, duration_s=onset + duration + habits.after_s, metadata=metadata)
+    return run(plant, teleoperation, duration_s=drawn.onset_s + drawn.duration_s + habits.after_s, metadata=metadata)
+
+
+def _people(
+    role: str, drawn: Plan, habits: Habits, beam: Beam, coupling: Coupling, rng: np.random.Generator
+) -> tuple[Partner, SimulatedTeacher]:
+    """Who leads, who follows, or two who share; the partner at the robot's scale, the teacher at the handle's."""
+    leads = {"follower": habits.leading_arm, "leader": habits.following_arm, "natural": habits.leading_arm}
+    carried = 0.5 * beam.mass_kg * STANDARD_GRAVITY
+    arm = replace(dyad(rng, leads[role]), carried_n=carried)
+    static = np.array([-coupling.force_gain * carried])
+    if role == "follower":
+        hand, plan, yielding = habits.following_hand, None, _felt_by_teacher(habits, coupling)
+        return HumanLeader(drawn, arm, rng=rng), SimulatedTeacher(yielding=yielding, hand=hand, static_force=static, rng=rng)
+    hand = habits.leading_hand
+    if role == "leader":
+        plan = _at_handle(drawn, hand, coupling)
+        return HumanFollower(habits.yielding, arm, rng=rng), SimulatedTeacher(plan=plan, hand=hand, static_force=static, rng=rng)
+    partners, teachers = _idea(drawn, habits, rng), _idea(drawn, habits, rng)
+    teacher = SimulatedTeacher(
+        plan=_at_handle(teachers, hand, coupling),
+        yielding=_felt_by_teacher(habits, coupling),
+        hand=hand,
+        static_force=static,
+        rng=rng,
+    )
+    return HumanSharing(partners, habits.yielding, arm, rng=rng), teacher
+
+
+def _idea(common: Plan, habits: Habits, rng: np.random.Generator) -> Plan:
+    """One person's idea of the lift that both were told."""
+    return replace(
+        common,
+        lift_m=common.lift_m + habits.lift_apart_m * float(rng.normal()),
+        duration_s=common.duration_s * max(0.7, 1.0 + habits.duration_apart * float(rng.normal())),
+        onset_s=max(0.0, common.onset_s + habits.onset_apart_s * float(rng.normal())),
+    )
+
+
+def _at_handle(plan: Plan, hand: TeacherHand, coupling: Coupling) -> Plan:
+    return replace(plan, lift_m=plan.lift_m / coupling.velocity_scale, feedforward_kg=hand.mass_kg)
+
+
+def _felt_by_teacher(habits: Habits, coupling: Coupling) -> Yielding:
+    gain = coupling.force_gain
+    return Yielding(
+        damping_ns_per_m=habits.teacher_damping_ns_per_m * coupling.velocity_scale * gain,
+        persistence=0.3,
+        lag_s=0.06,
+        delay_s=habits.teacher_delay_s,
+        dead_zone_n=habits.teacher_dead_zone_n * gain,
+    )

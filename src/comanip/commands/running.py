@@ -20,6 +20,7 @@ from ..loop import SimulatedClock, WallClock, run
 from ..plants.replay import ReplayPlant
 from ..recording import Recording
 from ..reproduction import make_skill
+from ..teaching import DYADS
 from ..teaching import teach as record_lessons
 from ..trials import Verdict, draw_case, judge, run_case, run_cases, success_interval
 from .console import print_json, progress, table
@@ -29,13 +30,13 @@ LESSON_RATE_HZ = 100.0
 TRIAL_LAWS = ("default", "paper", "mass-damper", "minimum-jerk")
 
 
-def teach(role: str, lessons: int, seed: int, plant: str, out: Path, json: bool) -> None:
+def teach(role: str, lessons: int, dyad: str, seed: int, plant: str, out: Path, json: bool) -> None:
     with progress(f"lessons as {role}") as report:
-        recordings = record_lessons(role, lessons, rng=np.random.default_rng(seed), progress=report)
+        recordings = record_lessons(role, lessons, rng=np.random.default_rng(seed), habits=DYADS[dyad], progress=report)
     files = [out / f"{role}_{n + 1}.mcap" for n in range(len(recordings))]
     out.mkdir(parents=True, exist_ok=True)
     for recording, file in zip(recordings, files, strict=True):
-        write(recording.with_metadata(seed=seed, plant=plant), file)
+        write(recording.with_metadata(seed=seed, plant=plant, dyad=dyad), file)
     if json:
         print_json({"role": role, "files": [str(f) for f in files]})
         return

@@ -46,10 +46,10 @@ class CollaborativeLaw:
     anticipation_s: float = 0.05
     attraction_per_s: float = 2.0  # lambda, leader
     start_delay_s: float = 0.5  # leader: stands still this long before it starts
-    yield_n: float = -1.0  # leader: resistance beyond the expected that starts to slow its clock; negative: already before it
-    yield_gain_per_n: float = 0.2
+    comfortable_n: float = 0.5  # leader: resistance of the partner from which it slows its clock
+    yield_gain_per_n: float = 0.4
     slowest_clock: float = 0.3
-    patience_s: float = 0.3  # how long resistance must last to count
+    patience_s: float = 0.6  # how long resistance must last to count
     reach_m: float = 0.10  # starts farther than this outside the taught positions: comply only
     max_acceleration_m_per_s2: float = 5.0
     shake_hz: float = 2.5  # faster than people move a load together: what oscillates above is instability or shaking
@@ -66,8 +66,91 @@ class CollaborativeLaw:
             raise ParameterError(f"law 'default' has no setting {unknown[0]!r}; it has: {', '.join(known)}")
         law = CollaborativeLaw()
         if role == "leader":
-            law = replace(law, virtual_mass_kg=4.0, moving_damping_ns_per_m=30.0, dead_zone_n=0.5)
+            law = replace(law, virtual_mass_kg=6.0, moving_damping_ns_per_m=30.0, dead_zone_n=0.5)
         return replace(law, **settings)
+
+
+class Compliance:
+    """The mass-damper c of the law, in d axes; `velocity` (d,) [m/s] is rewritten by `step`."""
+
+    def __init__(self, n_axes: int, dt: float) -> None:
+        self._dt = dt
+        self.velocity, self._slow = np.zeros(n_axes), np.zeros(n_axes)
+        self.reset()
+
+    def reset(self) -> None:
+        self.velocity[:] = 0.0
+        self._slow[:] = 0.0
+        self._shake = 0.0
+
+    def step(self, law: CollaborativeLaw, excess: Array, reference: Array, feedforward: Array) -> None:
+        """Damping is implicit, so any value is stable by itself at any dt."""
+        speed = max(_largest(self.velocity), _largest(reference))
+        rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
+        damping = law.moving_damping_ns_per_m + rest**2 * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
+        damping += self._against_shaking(law, excess)
+        dead = law.dead_zone_n * rest
+        push = np.sign(excess) * np.maximum(np.abs(excess) - dead, 0.0)
+        share = self._dt / law.virtual_mass_kg
+        self.velocity[:] = (self.velocity + share * push + self._dt * feedforward) / (1.0 + share * damping)
+
+    def _against_shaking(self, law: CollaborativeLaw, excess: Array) -> float:
+        """Damping [N s/m] to add while force oscillates faster than people lift together.
+
+        Around a partner of stiffness K and damping B, a delay tau takes tau K from the loop's damping, whatever the virtual mass:
+        stable if B + D > tau K. So a stiff partner needs D, and only he does.
+        """
+        self._slow += (1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)) * (excess - self._slow)
+        fast = _largest(excess - self._slow)
+        self._shake += min(self._dt / 0.3, 1.0) * (fast - self._shake)
+        return law.shake_damping_ns_per_m_per_n * max(1.57 * self._shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
+
+
+class Pace:
+    """The leader's clock along a reference: time drives it, and resistance of the partner slows it down.
+
+    phase, rate       [s], 1: where in the reference, and how fast the clock runs
+    expected          (d,) [N] F_r, what the lessons lead to expect here
+    velocity          (d,) [m/s] s' v_r + lambda (x_r - x)
+    """
+
+    def __init__(self, reference: PhaseReference, law: CollaborativeLaw, dt: float) -> None:
+        self.reference, self.law, self._dt = reference, law, dt
+        d = reference.position.shape[1]
+        self._top_speed = float(np.linalg.norm(reference.velocity, axis=1).max())
+        self.expected, self.velocity, self._start = np.zeros(d), np.zeros(d), np.zeros(d)
+        self.start(0.0, np.zeros(d))
+
+    def start(self, phase: float, position: Array) -> None:
+        """From `phase` [s] on; before 0 the hand stays at `position` (d,)."""
+        self.phase, self.rate, self.resistance = phase, 0.0, 0.0
+        self._start[:] = position
+        self.expected[:] = 0.0
+        self.velocity[:] = 0.0
+
+    @property
+    def ended(self) -> bool:
+        return self.phase >= self.reference.duration_s
+
+    def step(self, x: Array, force: Array) -> None:
+        law, reference, s = self.law, self.reference, self.phase
+        moving = 0.0 <= s < reference.duration_s
+        target = reference.at(reference.position, s) if s >= 0.0 else self._start
+        velocity = reference.at(reference.velocity, s) if moving else np.zeros_like(x)
+        speed = sqrt(velocity @ velocity)
+        along = float(force @ velocity) / speed if speed > 1e-6 else 0.0
+        excess = min(along + law.comfortable_n, 0.0)
+        self.resistance += min(self._dt / law.patience_s, 1.0) * (excess - self.resistance)
+        self.rate = max(1.0 + law.yield_gain_per_n * self.resistance, law.slowest_clock) if moving else 1.0
+        # a person's resistance grows with speed, so at a slower pace less of it is to be expected
+        self.expected[:] = self.rate * reference.at(reference.force, s) if s >= 0.0 else 0.0
+        self.phase = min(s + self._dt * self.rate, reference.duration_s)
+        self.velocity[:] = self.rate * velocity + law.attraction_per_s * self._bounded(target - x)
+
+    def _bounded(self, error: Array) -> Array:
+        """The attractor never asks for more than the taught top speed, however far away it starts."""
+        length = sqrt(error @ error) * self.law.attraction_per_s
+        return error * min(1.0, self._top_speed / length) if length > 1e-9 else error
 
 
 class CollaborativeSkill:
@@ -104,15 +187,13 @@ class CollaborativeSkill:
         d = len(axes)
         wanted = [g for g in ("position", "force") if any(c.startswith(g + ".") for c in model.channels)]
         self._filter = ForwardFilter(model, wanted)
-        self._low, self._high = self.reference.position.min(axis=0), self.reference.position.max(axis=0)
-        self._top_speed = float(np.linalg.norm(self.reference.velocity, axis=1).max())
         self._h = np.zeros(model.n_states)
         self._nothing = np.zeros(d)
         self._nothing.setflags(write=False)
-        self._slow_share = 1.0 - exp(-2.0 * pi * self.law.shake_hz * dt)
+        self._compliance = Compliance(d, dt)
+        self._pace = Pace(self.reference, self.law, dt)
         self._phase, self._rate = np.zeros(1), np.zeros(1)
-        self._expected, self._compliance = np.zeros(d), np.zeros(d)
-        self._velocity, self._position, self._slow = np.zeros(d), np.zeros(d), np.zeros(d)
+        self._expected, self._velocity, self._position = np.zeros(d), np.zeros(d), np.zeros(d)
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
@@ -121,7 +202,7 @@ class CollaborativeSkill:
             "phase": self._phase,
             "clock_rate": self._rate,
             "expected_force": self._expected,
-            "compliance": self._compliance,
+            "compliance": self._compliance.velocity,
         }
 
     def reset(self, obs: Observation) -> None:
@@ -130,13 +211,13 @@ class CollaborativeSkill:
         self._h[:] = self._filter.weights
         self._position[:] = np.nan_to_num(obs.position)
         self._start = self._position.copy()
-        for array in (self._velocity, self._slow, self._compliance, self._expected):
-            array[:] = 0.0
-        self._shake = 0.0
-        self._resistance = 0.0
+        self._compliance.reset()
+        self._velocity[:] = 0.0
+        self._expected[:] = 0.0
         self._phase[0] = -self.law.start_delay_s if self.role == "leader" else 0.0
         self._rate[0] = 0.0
-        outside = np.maximum(self._low - self._position, self._position - self._high).max()
+        self._pace.start(float(self._phase[0]), self._position)
+        outside = outside_taught(self.reference, self._position)
         self._complies_only = bool(outside > self.law.reach_m)
         self.notice = f"outside what was taught by {outside:.2f} m: complies only" if self._complies_only else ""
 
@@ -148,78 +229,34 @@ class CollaborativeSkill:
         self._weigh(x, obs.force)
         if self._complies_only:
             feedforward, reference = self._nothing, self._nothing
-            self._expected[:] = 0.0
         elif self.role == "leader":
             feedforward, reference = self._nothing, self._lead(x, force)
         else:
             feedforward, reference = self._anticipate(x, force), self._nothing
-        self._comply(force - self._expected, reference, feedforward)
-        limit = self.law.max_acceleration_m_per_s2 * self._dt
-        change = np.minimum(np.maximum(reference + self._compliance - self._velocity, -limit), limit)
-        self._velocity += change
-        command.velocity[:] = self._velocity + self.law.lead_s / self._dt * change
-        command.position[:] = x + self._dt * self._velocity
-        command.acceleration[:] = change / self._dt
-
-    def _comply(self, excess: Array, reference: Array, feedforward: Array) -> None:
-        """The mass-damper; damping is implicit, so any value is stable by itself at any dt."""
-        law = self.law
-        speed = max(_largest(self._compliance), _largest(reference))
-        rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
-        damping = law.moving_damping_ns_per_m + rest**2 * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
-        damping += self._against_shaking(excess)
-        dead = law.dead_zone_n * rest
-        push = np.sign(excess) * np.maximum(np.abs(excess) - dead, 0.0)
-        share = self._dt / law.virtual_mass_kg
-        self._compliance[:] = (self._compliance + share * push + self._dt * feedforward) / (1.0 + share * damping)
-
-    def _against_shaking(self, excess: Array) -> float:
-        """Damping [N s/m] to add while force oscillates faster than people lift together.
-
-        Around a partner of stiffness K and damping B, a delay tau takes tau K from the loop's damping, whatever the virtual mass:
-        stable if B + D > tau K. So a stiff partner needs D, and only he does.
-        """
-        law = self.law
-        self._slow += self._slow_share * (excess - self._slow)
-        fast = _largest(excess - self._slow)
-        self._shake += min(self._dt / 0.3, 1.0) * (fast - self._shake)
-        return law.shake_damping_ns_per_m_per_n * max(1.57 * self._shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
+        self._compliance.step(self.law, force - self._expected, reference, feedforward)
+        command_velocity(self.law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
     def _lead(self, x: Array, force: Array) -> Array:
-        """Advances the clock and gives s' v_r + lambda (x_r - x)."""
-        law, reference, s = self.law, self.reference, float(self._phase[0])
-        moving = 0.0 <= s < reference.duration_s
-        target = reference.at(reference.position, s) if s >= 0.0 else self._start
-        velocity = reference.at(reference.velocity, s) if moving else np.zeros_like(x)
-        self._expected[:] = reference.at(reference.force, s) if s >= 0.0 else 0.0
-        speed = sqrt(velocity @ velocity)
-        against = float((force - self._expected) @ velocity) / speed if speed > 1e-6 else 0.0
-        excess = min(against + law.yield_n, 0.0)
-        self._resistance += min(self._dt / law.patience_s, 1.0) * (excess - self._resistance)
-        rate = max(1.0 + law.yield_gain_per_n * self._resistance, law.slowest_clock) if moving else 1.0
-        self._rate[0] = rate
-        self._phase[0] = min(s + self._dt * rate, reference.duration_s)
-        return rate * velocity + law.attraction_per_s * self._bounded(target - x)
-
-    def _bounded(self, error: Array) -> Array:
-        """The attractor never asks for more than the taught top speed, however far away it starts."""
-        length = sqrt(error @ error) * self.law.attraction_per_s
-        return error * min(1.0, self._top_speed / length) if length > 1e-9 else error
+        pace = self._pace
+        pace.step(x, force)
+        self._phase[0], self._rate[0] = pace.phase, pace.rate
+        self._expected[:] = pace.expected
+        return pace.velocity
 
     def _anticipate(self, x: Array, force: Array) -> Array:
         """Acceleration to expect next: the taught change of speed ahead, scaled to the partner's present speed."""
-        law, reference = self.law, self.reference
+        law, reference, velocity = self.law, self.reference, self._compliance.velocity
         taught = x - self._start + reference.position[0]
         s = reference.closest(taught, float(self._phase[0]))
         self._rate[0] = (s - float(self._phase[0])) / self._dt
         self._phase[0] = s
-        speed = sqrt(self._compliance @ self._compliance)
+        speed = sqrt(velocity @ velocity)
         if speed < 0.02:
-            return np.zeros_like(x)
+            return self._nothing
         now = reference.at(reference.velocity, s)
         usual = max(sqrt(now @ now), 0.03)
         ahead = reference.at(reference.velocity, s + law.anticipation_s * min(speed / usual, 2.0))
-        along = self._compliance / speed
+        along = velocity / speed
         agreement = min(max((float(force @ along) + 1.0) / 2.0, 0.0), 1.0)  # a partner who brakes switches it off
         agreement *= min(speed / law.moving_speed_m_per_s, 1.0)
         foreseen = (ahead - now) / law.anticipation_s * min(speed / usual, 1.5)
@@ -232,6 +269,22 @@ class CollaborativeSkill:
             n = len(self._filter.channels)
             self._h[:] = self._filter.step(np.concatenate([x, force])[:n])
         self._until_filter -= self._dt
+
+
+def outside_taught(reference: PhaseReference, position: Array) -> float:
+    """How far `position` (d,) lies outside the box of the reference's positions [m]; negative inside."""
+    low, high = reference.position.min(axis=0), reference.position.max(axis=0)
+    return float(np.maximum(low - position, position - high).max())
+
+
+def command_velocity(law: CollaborativeLaw, dt: float, x: Array, wanted: Array, velocity: Array, command: Command) -> None:
+    """Moves `velocity` (d,) toward `wanted` no faster than the law's acceleration, and fills `command` from it."""
+    limit = law.max_acceleration_m_per_s2 * dt
+    change = np.minimum(np.maximum(wanted - velocity, -limit), limit)
+    velocity += change
+    command.velocity[:] = velocity + law.lead_s / dt * change
+    command.position[:] = x + dt * velocity
+    command.acceleration[:] = change / dt
 
 
 def _largest(values: Array) -> float:
