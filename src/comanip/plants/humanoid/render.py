@@ -112,7 +112,7 @@ class View:
             stylus = STYLUS_AT + (hand - self._start) / TEACHING_SCALE
             rest = DESK_AT + np.array([-0.16, 0.22, 0.045])
             shapes += desk(DESK_AT, stylus)
-            shapes += person(np.array([stylus + [-0.05, 0.0, 0.07], rest]), at=TEACHER_AT, facing=1.0, shirt=SEA)
+            shapes += person(np.array([stylus + np.array([-0.05, 0.0, 0.07]), rest]), at=TEACHER_AT, facing=1.0, shirt=SEA)
         return shapes
 
 

@@ -49,12 +49,11 @@ def build(robot: Robot, *, load_mass_kg: float, length_m: float) -> Scene:
     """Compiles `robot` holding a uniform beam. Raises ParameterError naming what the model lacks."""
     if not (load_mass_kg > 2 * FAR_HANDLE_KG and length_m > 0.2):
         raise ParameterError(f"load_mass_kg {load_mass_kg:g}, length_m {length_m:g}; allowed: mass > 0.002 kg, length > 0.2 m")
-    mj = mujoco()
     spec = _read(robot)
     _complete(spec, robot)
     _set_stage(spec)
     _give_beam(spec, robot, load_mass_kg, length_m)
-    joints = tuple(j.name for j in spec.joints if j.type == mj.mjtJoint.mjJNT_HINGE)
+    joints = _hinges(spec, robot)
     for name in joints:
         _drive(spec, robot, name)
     _sense(spec, robot)
@@ -186,6 +185,13 @@ def _quaternion(site: Any) -> Any:
     return mj.MjSpec.resolve_orientation(degree=compiler.degree, sequence=compiler.eulerseq, orientation=site.alt)
 
 
+def _hinges(spec: Any, robot: Robot) -> tuple[str, ...]:
+    hinge, free = mujoco().mjtJoint.mjJNT_HINGE, mujoco().mjtJoint.mjJNT_FREE
+    if others := [j.name for j in spec.joints if j.type not in (hinge, free)]:
+        raise ParameterError(f"robot {robot.name!r}: joint {others[0]!r} does not rotate about an axis; remove it from the model")
+    return tuple(j.name for j in spec.joints if j.type == hinge)
+
+
 def _drive(spec: Any, robot: Robot, joint: str) -> None:
     """A joint servo inside the simulator, at its own rate: torque = stiffness (ctrl - q) - damping dq, limited."""
     mj, servo = mujoco(), robot.servo_of(joint)
@@ -227,7 +233,7 @@ def _indexed(model: Any, robot: Robot, joints: tuple[str, ...], load_mass_kg: fl
         position_at=np.array([int(j.qposadr[0]) for j in at]),
         velocity_at=np.array([int(j.dofadr[0]) for j in at]),
         arm=np.array([joints.index(j) for j in robot.arm]),
-        free_base=model.nq > len(joints),
+        free_base=bool((model.jnt_type == mujoco().mjtJoint.mjJNT_FREE).any()),
         hand_kg=float(model.body_subtreemass[model.body(robot.hand).id]) - load_mass_kg,
         posture=np.radians([robot.posture_deg.get(j, 0.0) for j in joints]),
         sensor_site=model.site(robot.sensor).id,
