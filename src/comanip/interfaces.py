@@ -91,6 +91,7 @@ class Plant(Protocol):
     dt       control period [s]
     axes     names of the d task axes, for example ("z",)
     channels extra truths worth recording (tilt, partner's force ...), rewritten by `read`: name -> (array, unit)
+    columns  optional: name -> names of a channel's columns, for channels that are not one column a task axis (joints)
     """
 
     dt: float

@@ -132,7 +132,8 @@ def _layout(plant: Plant, skill: Skill, observed: Sequence[str]) -> dict[str, tu
     d, axes = len(plant.axes), tuple(plant.axes)
     layout = {f"hand.{name}": (d, _OBSERVED[name], axes) for name in observed}
     layout |= {f"command.{name}": (d, unit, axes) for name, unit in _COMMANDED.items()}
-    layout |= {name: (len(array), unit, axes) for name, (array, unit) in plant.channels.items()}
+    columns = getattr(plant, "columns", {})
+    layout |= {name: (len(array), unit, columns.get(name, axes)) for name, (array, unit) in plant.channels.items()}
     for name, array in skill.diagnostics.items():
         n = array.size
         names = axes if n == d else tuple(str(i) for i in range(n))
