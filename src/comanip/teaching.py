@@ -12,15 +12,18 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
-from .devices.teacher import SimulatedTeacher, TeacherHand
+from .devices.link import Link, Network
+from .devices.phantom import IDEAL, HeldHandle, phantom
+from .devices.teacher import Teacher, TeacherHand
 from .errors import ParameterError
 from .humans import Plan, Yielding
-from .interfaces import STANDARD_GRAVITY, Partner
+from .interfaces import STANDARD_GRAVITY, HapticDevice, Partner
 from .loop import run
 from .plants.beam import Beam, BeamPlant, WristSensor
 from .plants.partners import Arm, HumanFollower, HumanLeader, HumanSharing, dyad
 from .recording import Recording
-from .skills.teleoperation import Teleoperation
+from .skills.passivity import Passive
+from .skills.teleoperation import CouplingLimits, Teleoperation
 
 ROLES = ("leader", "follower")
 SCENARIOS = (*ROLES, "natural")
@@ -63,8 +66,8 @@ DYADS = {
         leading_arm=Arm(85.0, 16.0),
         following_arm=Arm(65.0, 17.0),
         yielding=Yielding(damping_ns_per_m=20.0, persistence=0.4, delay_s=0.18, dead_zone_n=0.5),
-        leading_hand=TeacherHand(0.5, 110.0, 12.0),
-        following_hand=TeacherHand(0.5, 70.0, 11.0),
+        leading_hand=TeacherHand(0.4, 110.0, 12.0),
+        following_hand=TeacherHand(0.4, 70.0, 11.0),
         teacher_damping_ns_per_m=32.0,
         teacher_dead_zone_n=1.5,
         teacher_delay_s=0.15,
@@ -77,8 +80,8 @@ DYADS = {
         leading_arm=Arm(190.0, 30.0),
         following_arm=Arm(130.0, 30.0),
         yielding=Yielding(damping_ns_per_m=34.0, persistence=0.5, delay_s=0.12, dead_zone_n=1.2),
-        leading_hand=TeacherHand(0.8, 230.0, 20.0),
-        following_hand=TeacherHand(0.8, 130.0, 18.0),
+        leading_hand=TeacherHand(0.7, 230.0, 20.0),
+        following_hand=TeacherHand(0.7, 130.0, 18.0),
         teacher_damping_ns_per_m=50.0,
         teacher_dead_zone_n=2.5,
         teacher_delay_s=0.10,
@@ -88,11 +91,35 @@ DYADS = {
 
 @dataclass(frozen=True)
 class Coupling:
-    """Eqs. (1), (2): what the haptic side is set to."""
+    """Eqs. (1), (2): what the haptic side is set to.
+
+    device     "ideal" (mass, friction and an 8.5 N limit) or "phantom" (a Premium 1.5: see `PHANTOM`)
+    network    between device and robot; None: a cable without delay
+    passivity  energy that the network makes is taken out on the device's side (`skills.passivity`)
+    """
 
     force_gain: float = 0.15
     velocity_scale: float = 1.3
     device_period_s: float = 0.001
+    device: str = "ideal"
+    network: Network | None = None
+    passivity: bool = False
+    limits: CouplingLimits = field(default_factory=CouplingLimits)
+
+    def __post_init__(self) -> None:
+        if self.device not in ("ideal", "phantom"):
+            raise ParameterError(f"device {self.device!r} is unknown; devices are: ideal, phantom")
+
+    @property
+    def rendered_gain(self) -> float:
+        """K_f that the network's delay leaves: the weight and the pull that a teacher gets used to."""
+        delay = self.network.to_device_s + self.network.to_robot_s if self.network else 0.0
+        return self.force_gain * self.limits.feedback(delay)
+
+
+# 267 mm of height, taken hold of 15 mm above the lowest: 1.6 lets a lift of 0.4 m fit; at 1.3 it would end at 0.33 m
+PHANTOM = Coupling(velocity_scale=1.6, device="phantom")
+PHANTOM_START_M = -0.118
 
 
 def teach(
@@ -141,7 +168,12 @@ def _lesson(
     dt = coupling.device_period_s
     plant = BeamPlant(partner, beam=beam, sensor=sensor, dt=dt, start_position=start, rng=rng)
     teleoperation = Teleoperation(
-        teacher, n_axes=1, dt=dt, force_gain=coupling.force_gain, velocity_scale=coupling.velocity_scale
+        _device(teacher, coupling, rng),
+        n_axes=1,
+        dt=dt,
+        force_gain=coupling.force_gain,
+        velocity_scale=coupling.velocity_scale,
+        limits=coupling.limits,
     )
     metadata = {
         "role": role,
@@ -154,26 +186,40 @@ def _lesson(
         "onset_s": drawn.onset_s,
         "coupling": asdict(coupling),
     }
-    return run(plant, teleoperation, duration_s=drawn.onset_s + drawn.duration_s + habits.after_s, metadata=metadata)
+    duration = drawn.onset_s + drawn.duration_s + habits.after_s
+    recording = run(plant, teleoperation, duration_s=duration, metadata=metadata)
+    stopped = recording.metadata["stop_reason"]
+    reason = teleoperation.fault or (stopped if stopped != "duration" else "")
+    return recording.with_metadata(incomplete=reason) if reason else recording
+
+
+def _device(teacher: Teacher, coupling: Coupling, rng: np.random.Generator) -> HapticDevice:
+    """The handle, its account of energy on its own side, and the network between them and the robot."""
+    device: HapticDevice = HeldHandle(teacher)
+    if coupling.device == "phantom":
+        device = HeldHandle(teacher, phantom(), start_m=np.array([PHANTOM_START_M]))
+    if coupling.passivity:
+        device = Passive(device)
+    return device if coupling.network is None else Link(device, coupling.network, rng=rng)
 
 
 def _people(
     role: str, drawn: Plan, habits: Habits, beam: Beam, coupling: Coupling, rng: np.random.Generator
-) -> tuple[Partner, SimulatedTeacher]:
+) -> tuple[Partner, Teacher]:
     """Who leads, who follows, or two who share; the partner at the robot's scale, the teacher at the handle's."""
     leads = {"follower": habits.leading_arm, "leader": habits.following_arm, "natural": habits.leading_arm}
     carried = 0.5 * beam.mass_kg * STANDARD_GRAVITY
     arm = replace(dyad(rng, leads[role]), carried_n=carried)
-    static = np.array([-coupling.force_gain * carried])
+    static = np.array([-coupling.rendered_gain * carried])
     if role == "follower":
         hand, plan, yielding = habits.following_hand, None, _felt_by_teacher(habits, coupling)
-        return HumanLeader(drawn, arm, rng=rng), SimulatedTeacher(yielding=yielding, hand=hand, static_force=static, rng=rng)
+        return HumanLeader(drawn, arm, rng=rng), Teacher(yielding=yielding, hand=hand, static_force=static, rng=rng)
     hand = habits.leading_hand
     if role == "leader":
         plan = _at_handle(drawn, hand, coupling)
-        return HumanFollower(habits.yielding, arm, rng=rng), SimulatedTeacher(plan=plan, hand=hand, static_force=static, rng=rng)
+        return HumanFollower(habits.yielding, arm, rng=rng), Teacher(plan=plan, hand=hand, static_force=static, rng=rng)
     partners, teachers = _idea(drawn, habits, rng), _idea(drawn, habits, rng)
-    teacher = SimulatedTeacher(
+    teacher = Teacher(
         plan=_at_handle(teachers, hand, coupling),
         yielding=_felt_by_teacher(habits, coupling),
         hand=hand,
@@ -194,11 +240,16 @@ def _idea(common: Plan, habits: Habits, rng: np.random.Generator) -> Plan:
 
 
 def _at_handle(plan: Plan, hand: TeacherHand, coupling: Coupling) -> Plan:
-    return replace(plan, lift_m=plan.lift_m / coupling.velocity_scale, feedforward_kg=hand.mass_kg)
+    return replace(plan, lift_m=plan.lift_m / coupling.velocity_scale, feedforward_kg=hand.mass_kg + IDEAL.mass_kg)
 
 
 def _felt_by_teacher(habits: Habits, coupling: Coupling) -> Yielding:
-    gain = coupling.force_gain
+    gain = coupling.rendered_gain
+    if not gain > 0:
+        raise ParameterError(
+            f"a teacher who feels nothing cannot yield: K_f is {gain:g} at this delay; "
+            f"keep the round trip below {1000.0 * coupling.limits.no_feedback_s:g} ms, or teach as leader"
+        )
     return Yielding(
         damping_ns_per_m=habits.teacher_damping_ns_per_m * coupling.velocity_scale * gain,
         persistence=0.3,
