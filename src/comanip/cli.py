@@ -143,7 +143,7 @@ def teach(
     delay_ms: Annotated[float, Parameter(help="Round trip between device and robot.")] = 0.0,
     passivity: Annotated[bool, Parameter(negative="", help="Take out the energy that delay makes.")] = False,
     seed: int = 0,
-    plant: Plant = "beam",
+    plant: Annotated[Literal["beam", "humanoid"], Parameter(help="humanoid: in physics, needs mujoco.")] = "beam",
     out: Out = Path("lessons"),
     json: Json = False,
 ) -> None:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
+from importlib import import_module
+from typing import Protocol
 
 import numpy as np
 
@@ -16,8 +18,10 @@ from .devices.link import Link, Network
 from .devices.phantom import IDEAL, HeldHandle, phantom
 from .devices.teacher import Teacher, TeacherHand
 from .errors import ParameterError
+from .filters import differentiate, smooth
 from .humans import Plan, Yielding
-from .interfaces import STANDARD_GRAVITY, HapticDevice, Partner
+from .interaction import gravity_along, interaction_force
+from .interfaces import STANDARD_GRAVITY, Array, HapticDevice, Partner, Plant
 from .loop import run
 from .plants.beam import Beam, BeamPlant, WristSensor
 from .plants.partners import Arm, HumanFollower, HumanLeader, HumanSharing, dyad
@@ -27,6 +31,8 @@ from .skills.teleoperation import CouplingLimits, Teleoperation
 
 ROLES = ("leader", "follower")
 SCENARIOS = (*ROLES, "natural")
+FORCE_CUTOFF_HZ = 10.0
+Rng = np.random.Generator
 
 
 @dataclass(frozen=True)
@@ -122,6 +128,14 @@ PHANTOM = Coupling(velocity_scale=1.6, device="phantom")
 PHANTOM_START_M = -0.118
 
 
+class MakesPlant(Protocol):
+    """How lessons make their plant: vertical axis, `start_position` (1,) [m], control period `dt` [s]."""
+
+    def __call__(
+        self, partner: Partner, *, beam: Beam, sensor: WristSensor, dt: float, start_position: Array, rng: Rng
+    ) -> Plant: ...
+
+
 def teach(
     role: str,
     lessons: int = 5,
@@ -131,18 +145,25 @@ def teach(
     beam: Beam = Beam(),
     sensor: WristSensor = WristSensor(),
     coupling: Coupling = Coupling(),
+    plant: str | MakesPlant = "beam",
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Recording]:
     """`lessons` Recordings of the robot in `role` ("leader", "follower", or "natural"), at the device's 1 kHz, vertical axis.
 
-    `habits` is the dyad, for example DYADS["b"]. The recordings hold raw sensor force; the interaction force of eq. (3) is
-    computed when they become demonstrations.
+    habits   the dyad, for example DYADS["b"]
+    plant    "beam", "humanoid" (needs mujoco), or your own maker of a `Plant`, called as MakesPlant says
+
+    The recordings hold device, hand, object and partner: the raw sensor force (hand.sensor_force) and what eq. (3) makes of it
+    (hand.compensated_force, zero-phase below 10 Hz, for looking at; demonstrations compute their own), what was commanded
+    (command.*, device.force) and what came of it (hand.*, device.applied). A lesson that a fault ended is kept, with the reason
+    under metadata["incomplete"].
     """
     if role not in SCENARIOS:
         raise ParameterError(f"role {role!r} is unknown; roles are: {', '.join(SCENARIOS)}")
+    make = _maker(plant)
     recordings = []
     for number in range(lessons):
-        recordings.append(_lesson(role, number, rng, habits, beam, sensor, coupling))
+        recordings.append(_lesson(role, number, rng, habits, beam, sensor, coupling, make))
         if progress is not None:
             progress(number + 1, lessons)
     return recordings
@@ -156,6 +177,7 @@ def _lesson(
     beam: Beam,
     sensor: WristSensor,
     coupling: Coupling,
+    make: MakesPlant,
 ) -> Recording:
     drawn = Plan(
         lift_m=float(rng.normal(*habits.lift_m)),
@@ -166,7 +188,7 @@ def _lesson(
     start = np.array([rng.normal(*habits.start_m)])
     partner, teacher = _people(role, drawn, habits, beam, coupling, rng)
     dt = coupling.device_period_s
-    plant = BeamPlant(partner, beam=beam, sensor=sensor, dt=dt, start_position=start, rng=rng)
+    plant = make(partner, beam=beam, sensor=sensor, dt=dt, start_position=start, rng=rng)
     teleoperation = Teleoperation(
         _device(teacher, coupling, rng),
         n_axes=1,
@@ -187,10 +209,52 @@ def _lesson(
         "coupling": asdict(coupling),
     }
     duration = drawn.onset_s + drawn.duration_s + habits.after_s
-    recording = run(plant, teleoperation, duration_s=duration, metadata=metadata)
+    recording = _with_interaction_force(run(plant, teleoperation, duration_s=duration, metadata=metadata), beam)
     stopped = recording.metadata["stop_reason"]
     reason = teleoperation.fault or (stopped if stopped != "duration" else "")
     return recording.with_metadata(incomplete=reason) if reason else recording
+
+
+def _with_interaction_force(recording: Recording, beam: Beam) -> Recording:
+    sensed, speed = recording["hand.sensor_force"], recording["hand.velocity"].values
+    if len(speed) < 20:
+        return recording
+    dt = recording.metadata["dt_s"]
+    force = interaction_force(
+        smooth(sensed.values, dt, FORCE_CUTOFF_HZ),
+        smooth(differentiate(speed, dt), dt, FORCE_CUTOFF_HZ),
+        mass_kg=beam.mass_kg,
+        gravity=gravity_along(sensed.axes),
+    )
+    return recording.with_channels({"hand.compensated_force": replace(sensed, values=force)})
+
+
+def _beam_plant(partner: Partner, *, beam: Beam, sensor: WristSensor, dt: float, start_position: Array, rng: Rng) -> Plant:
+    return BeamPlant(partner, beam=beam, sensor=sensor, dt=dt, start_position=start_position, rng=rng)
+
+
+def _humanoid_plant(partner: Partner, *, beam: Beam, sensor: WristSensor, dt: float, start_position: Array, rng: Rng) -> Plant:
+    try:
+        humanoid = import_module("comanip.plants.humanoid")
+        made: Plant = humanoid.HumanoidPlant(
+            partner, load_mass_kg=beam.mass_kg, sensor=sensor, axes=("z",), dt=dt, start_position=start_position, rng=rng
+        )
+    except ImportError as error:
+        raise ParameterError(
+            f"plant 'humanoid' cannot be built here ({error}): pip install 'comanip[humanoid]', or use plant 'beam'"
+        ) from None
+    return made
+
+
+PLANTS: dict[str, MakesPlant] = {"beam": _beam_plant, "humanoid": _humanoid_plant}
+
+
+def _maker(plant: str | MakesPlant) -> MakesPlant:
+    if not isinstance(plant, str):
+        return plant
+    if plant not in PLANTS:
+        raise ParameterError(f"plant {plant!r} is unknown; plants are: {', '.join(PLANTS)}")
+    return PLANTS[plant]
 
 
 def _device(teacher: Teacher, coupling: Coupling, rng: np.random.Generator) -> HapticDevice:

@@ -49,7 +49,7 @@ def teach(
     coupling = replace(PHANTOM if device == "phantom" else Coupling(), network=network, passivity=passivity)
     with progress(f"lessons as {role}") as report:
         recordings = record_lessons(
-            role, lessons, rng=np.random.default_rng(seed), habits=DYADS[dyad], coupling=coupling, progress=report
+            role, lessons, rng=np.random.default_rng(seed), habits=DYADS[dyad], coupling=coupling, plant=plant, progress=report
         )
     for said in sorted({str(r.metadata[k]) for r in recordings for k in ("incomplete", "notice") if k in r.metadata}):
         warnings.warn(said, ComanipWarning, stacklevel=2)
