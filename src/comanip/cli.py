@@ -139,15 +139,18 @@ def teach(
     role: Annotated[Literal["leader", "follower", "natural"], Parameter(help="Of the robot; natural: nobody is told one.")],
     lessons: int = 5,
     dyad: Annotated[Literal["a", "b", "c"], Parameter(help="Which two people.")] = "a",
+    device: Annotated[Literal["ideal", "phantom"], Parameter(help="What the teacher holds.")] = "ideal",
+    delay_ms: Annotated[float, Parameter(help="Round trip between device and robot.")] = 0.0,
+    passivity: Annotated[bool, Parameter(negative="", help="Take out the energy that delay makes.")] = False,
     seed: int = 0,
-    plant: Plant = "beam",
+    plant: Annotated[Literal["beam", "humanoid"], Parameter(help="humanoid: in physics, needs mujoco.")] = "beam",
     out: Out = Path("lessons"),
     json: Json = False,
 ) -> None:
     """Record lessons from a simulated teacher on a haptic handle with a simulated partner."""
     from .commands import running as command
 
-    command.teach(role, lessons, dyad, seed, plant, out, json)
+    command.teach(role, lessons, dyad, device, delay_ms, passivity, seed, plant, out, json)
 
 
 @app.command

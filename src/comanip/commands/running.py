@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,8 @@ import numpy as np
 from .. import skill_file
 from ..cli_flags import DataFlags
 from ..demonstration import demonstrations
-from ..errors import ParameterError
+from ..devices.link import Network
+from ..errors import ComanipWarning, ParameterError
 from ..formats import write
 from ..learned import LearnedSkill
 from ..learned import learn as learn_skill
@@ -18,7 +21,7 @@ from ..loop import SimulatedClock, WallClock, run
 from ..plants.replay import ReplayPlant
 from ..recording import Recording
 from ..reproduction import make_skill
-from ..teaching import DYADS
+from ..teaching import DYADS, PHANTOM, Coupling
 from ..teaching import teach as record_lessons
 from ..trials import draw_case, judge, run_case
 from .console import print_json, progress, table
@@ -27,9 +30,26 @@ from .reading import read_lessons
 LESSON_RATE_HZ = 100.0
 
 
-def teach(role: str, lessons: int, dyad: str, seed: int, plant: str, out: Path, json: bool) -> None:
+def teach(
+    role: str,
+    lessons: int,
+    dyad: str,
+    device: str,
+    delay_ms: float,
+    passivity: bool,
+    seed: int,
+    plant: str,
+    out: Path,
+    json: bool,
+) -> None:
+    network = Network(0.0005 * delay_ms, 0.0005 * delay_ms) if delay_ms else None
+    coupling = replace(PHANTOM if device == "phantom" else Coupling(), network=network, passivity=passivity)
     with progress(f"lessons as {role}") as report:
-        recordings = record_lessons(role, lessons, rng=np.random.default_rng(seed), habits=DYADS[dyad], progress=report)
+        recordings = record_lessons(
+            role, lessons, rng=np.random.default_rng(seed), habits=DYADS[dyad], coupling=coupling, plant=plant, progress=report
+        )
+    for said in sorted({str(r.metadata[k]) for r in recordings for k in ("incomplete", "notice") if k in r.metadata}):
+        warnings.warn(said, ComanipWarning, stacklevel=2)
     files = [out / f"{role}_{n + 1}.mcap" for n in range(len(recordings))]
     out.mkdir(parents=True, exist_ok=True)
     for recording, file in zip(recordings, files, strict=True):
