@@ -158,3 +158,16 @@ def test_impossible_habits_are_named():
         Plan(duration_s=0.0)
     with pytest.raises(ParameterError, match="lag_s must be positive"):
         Yielding(lag_s=0.0)
+
+
+def test_each_lesson_can_be_stored_before_the_next_begins():
+    kept = []
+
+    def keep(number, lesson):
+        kept.append((number, lesson.metadata["lesson"]))
+        if number == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        teach("leader", 3, rng=np.random.default_rng(0), keep=keep)
+    assert kept == [(0, 0), (1, 1)]
