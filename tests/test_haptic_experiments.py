@@ -110,6 +110,7 @@ def test_the_highest_still_gain_stops_at_the_first_that_shakes():
 def test_the_direct_lessons_small_run_keeps_its_signs_and_draws(tmp_path, monkeypatch):
     monkeypatch.setattr(direct_recording, "LEARNED", 2)
     monkeypatch.setattr(direct_recording, "HELD_OUT", 1)
+    monkeypatch.setattr(direct_recording, "WRISTS", (0.0, 100.0))
     found = direct_recording.numbers(1)
     assert {c.text: c.measured for c in direct_recording.claims(found)[:3] if not c.passed} == {}
     from comanip.evaluation import figures

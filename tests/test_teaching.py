@@ -89,6 +89,7 @@ def test_lessons_hold_raw_and_compensated_force_commanded_and_applied(taught):
             *("hand.sensor_force", "hand.position", "command.velocity", "partner.force", "partner.position", "beam.tilt"),
             *("device.velocity", "device.position", "device.force", "device.applied", "device.clutch"),
         } <= set(lesson.channels)
+        assert [lesson[f"device.{n}"].unit for n in ("position", "velocity", "force", "applied")] == ["m", "m/s", "N", "N"]
 
 
 def test_a_plant_of_ones_own_is_taught_on():

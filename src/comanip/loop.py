@@ -151,7 +151,7 @@ def _layout(plant: Plant, skill: Skill, observed: Sequence[str]) -> dict[str, tu
     for name, array in skill.diagnostics.items():
         n = array.size
         names = axes if n == d else tuple(str(i) for i in range(n))
-        layout[name if "." in name else f"skill.{name}"] = (n, "", names)
+        layout[name if "." in name else f"skill.{name}"] = (n, getattr(skill, "units", {}).get(name, ""), names)
     layout["loop.late"] = (1, "s", ("t",))
     return layout
 
