@@ -69,8 +69,8 @@ def _read(robot: Robot) -> Any:
         for child in list(parent):
             if child.tag in ("visual", "collision", "geom", "mesh", "mimic"):  # mimic: each joint has a servo of its own here
                 parent.remove(child)
-    if root.tag == "robot":  # URDF: keep the bodies of fixed joints, their names are wanted
-        ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", fusestatic="false")
+    if root.tag == "robot":  # URDF: keep the bodies of fixed joints and what is only to be seen
+        ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", fusestatic="false", discardvisual="false")
     return spec_of.from_string(ElementTree.tostring(root, encoding="unicode"))
 
 
@@ -96,6 +96,21 @@ def _complete(spec: Any, robot: Robot) -> None:
         )  # fmt: skip
     if robot.soles and not any(j.type == mj.mjtJoint.mjJNT_FREE for j in spec.joints):
         spec.worldbody.first_body().add_freejoint(name="base")
+    if not robot.geometry:
+        _show_bones(spec)
+
+
+def _show_bones(spec: Any) -> None:
+    """A robot without shapes is drawn as capsules from each body to the next."""
+    mj, light, dark = mujoco(), (0.90, 0.91, 0.93, 1.0), (0.13, 0.20, 0.36, 1.0)
+    look: dict[str, Any] = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": 1}
+    for body in list(spec.bodies):
+        length = float(np.linalg.norm(body.pos))
+        if not body.parent or body.parent.name == "world" or length < 0.02:
+            continue
+        width = min(0.055, 0.012 + 0.15 * length)
+        body.parent.add_geom(type=mj.mjtGeom.mjGEOM_CAPSULE, fromto=(0, 0, 0, *body.pos), size=(width, 0, 0), rgba=light, **look)
+        body.add_geom(type=mj.mjtGeom.mjGEOM_SPHERE, size=(1.15 * width, 0, 0), rgba=dark, **look)
 
 
 def _set_stage(spec: Any) -> None:
@@ -118,7 +133,6 @@ def _set_stage(spec: Any) -> None:
     _sun(world.add_light(dir=(-0.6, 0.8, -0.5), diffuse=(0.14, 0.15, 0.17), specular=(0, 0, 0), castshadow=False))
     light = spec.visual.headlight
     light.ambient, light.diffuse, light.specular = (0.42, 0.42, 0.43), (0.16, 0.16, 0.16), (0.03, 0.03, 0.03)
-    spec.visual.quality.shadowsize = 4096
     spec.visual.rgba.haze = (0.87, 0.90, 0.93, 1.0)
 
 
