@@ -85,6 +85,7 @@ def _body(spec: Any, robot: Robot, name: str) -> Any:
 def _complete(spec: Any, robot: Robot) -> None:
     """Sites, soles and the free base that the description adds to its model."""
     mj = mujoco()
+    _body(spec, robot, robot.hand)
     for site in robot.sites:
         added = _body(spec, robot, site.body).add_site(name=site.name, pos=site.position)
         added.alt.type = mj.mjtOrientation.mjORIENTATION_XYAXES
