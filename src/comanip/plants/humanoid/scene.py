@@ -107,7 +107,7 @@ def _show_bones(spec: Any) -> None:
     look: dict[str, Any] = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": 1}
     for body in list(spec.bodies):
         length = float(np.linalg.norm(body.pos))
-        if not body.parent or body.parent.name == "world" or length < 0.02:
+        if body.name == "world" or body.parent.name == "world" or length < 0.02:  # asking the world for its parent can crash
             continue
         width = min(0.055, 0.012 + 0.15 * length)
         body.parent.add_geom(type=mj.mjtGeom.mjGEOM_CAPSULE, fromto=(0, 0, 0, *body.pos), size=(width, 0, 0), rgba=light, **look)
@@ -172,7 +172,8 @@ def _give_beam(spec: Any, robot: Robot, mass: float, length: float) -> None:
     rod = mass - FAR_HANDLE_KG
     centre = (length / 2.0, 0.0, 0.0)
     inertia = rod * length**2 / 12.0
-    beam = grasp.parent.add_body(name="beam", pos=grasp.pos, quat=_quaternion(grasp))
+    at = spec.copy().compile().site(robot.grasp)  # resolved, however the model file wrote its orientation
+    beam = grasp.parent.add_body(name="beam", pos=at.pos, quat=at.quat)
     beam.explicitinertial = True
     beam.mass, beam.ipos, beam.inertia = rod, centre, (1e-3 * inertia, inertia, inertia)
     far = beam.add_body(name="far handle", pos=(length, 0.0, 0.0))
@@ -189,15 +190,6 @@ def _give_beam(spec: Any, robot: Robot, mass: float, length: float) -> None:
         for side in (-0.052, 0.052):
             rail = (end, side, 0, end + 0.12 * inward, side, 0)
             beam.add_geom(type=cylinder, fromto=rail, size=(0.010, 0, 0), rgba=metal, **shape)
-
-
-def _quaternion(site: Any) -> Any:
-    """(4,) of a site, however its model file wrote its orientation."""
-    mj = mujoco()
-    if site.alt.type == mj.mjtOrientation.mjORIENTATION_QUAT:
-        return site.quat
-    compiler = site.compiler
-    return mj.MjSpec.resolve_orientation(degree=compiler.degree, sequence=compiler.eulerseq, orientation=site.alt)
 
 
 def _hinges(spec: Any, robot: Robot) -> tuple[str, ...]:
