@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
+from comanip import teaching
 from comanip.demonstration import demonstrations
 from comanip.errors import ParameterError
 from comanip.humans import Intent, Plan, Yielding
+from comanip.plants.beam import Beam, BeamPlant
 from comanip.teaching import DYADS, ROLES, SCENARIOS, teach
 
 N = 8  # lessons a scenario; all 200 a role were looked at once (docs/physics.md)
@@ -75,6 +79,49 @@ def test_natural_lessons_are_not_suspected_of_a_wrong_sign(taught, recwarn):
     leader = [x.with_metadata(role="natural", name=f"{n}") for n, x in enumerate(taught["leader"][:2])]
     assert demonstrations([*leader, *taught["natural"][:3]], rate_hz=100.0)[0].role == "natural"
     assert not [w for w in recwarn if "sign" in str(w.message)]
+
+
+def test_lessons_hold_raw_and_compensated_force_commanded_and_applied(taught):
+    for lesson in (lessons[0] for lessons in taught.values()):
+        apart = lesson["hand.compensated_force"].values - lesson["hand.true_force"].values
+        assert np.sqrt((apart**2).mean()) < 0.5
+        assert {
+            *("hand.sensor_force", "hand.position", "command.velocity", "partner.force", "partner.position", "beam.tilt"),
+            *("device.velocity", "device.position", "device.force", "device.applied", "device.clutch"),
+        } <= set(lesson.channels)
+
+
+def test_a_plant_of_ones_own_is_taught_on():
+    made = []
+
+    def maker(partner, *, beam, sensor, dt, start_position, rng):
+        made.append(BeamPlant(partner, beam=beam, sensor=sensor, dt=dt, start_position=start_position, rng=rng))
+        return made[-1]
+
+    (lesson,) = teach("leader", 1, rng=np.random.default_rng(0), plant=maker, beam=Beam(mass_kg=3.0))
+    assert made[0].beam.mass_kg == lesson.metadata["load_mass_kg"] == 3.0
+    (usual,) = teach("leader", 1, rng=np.random.default_rng(0), beam=Beam(mass_kg=3.0))
+    assert lesson["hand.position"].values.tobytes() == usual["hand.position"].values.tobytes()
+
+
+def test_a_plant_that_is_not_there_is_named_with_its_remedy(monkeypatch):
+    def absent(name):
+        raise ImportError(f"no module named {name!r}")
+
+    monkeypatch.setattr(teaching, "import_module", absent)
+    with pytest.raises(ParameterError, match=r"pip install 'comanip\[humanoid\]'"):
+        teach("leader", 1, rng=np.random.default_rng(0), plant="humanoid")
+    with pytest.raises(ParameterError, match="plants are: beam, humanoid"):
+        teach("leader", 1, rng=np.random.default_rng(0), plant="biped")
+
+
+@pytest.mark.skipif(not (find_spec("mujoco") and find_spec("comanip.plants.humanoid")), reason="needs the humanoid")
+def test_a_humanoid_is_taught_like_the_beam():
+    (lesson,) = teach("leader", 1, rng=np.random.default_rng(0), plant="humanoid")
+    z = lesson["hand.position"].values[:, 0]
+    assert lesson.metadata["stop_reason"] == "duration"
+    assert z[-1] - z[0] == pytest.approx(lesson.metadata["lift_m"], abs=0.04)
+    assert first_third(lesson) < 0.0
 
 
 def test_an_unknown_scenario_is_named():

@@ -139,15 +139,18 @@ def teach(
     role: Annotated[Literal["leader", "follower", "natural"], Parameter(help="Of the robot; natural: nobody is told one.")],
     lessons: int = 5,
     dyad: Annotated[Literal["a", "b", "c"], Parameter(help="Which two people.")] = "a",
+    device: Annotated[Literal["ideal", "phantom"], Parameter(help="What the teacher holds.")] = "ideal",
+    delay_ms: Annotated[float, Parameter(help="Round trip between device and robot.")] = 0.0,
+    passivity: Annotated[bool, Parameter(negative="", help="Take out the energy that delay makes.")] = False,
     seed: int = 0,
-    plant: Plant = "beam",
+    plant: Annotated[Literal["beam", "humanoid"], Parameter(help="humanoid: in physics, needs mujoco.")] = "beam",
     out: Out = Path("lessons"),
     json: Json = False,
 ) -> None:
     """Record lessons from a simulated teacher on a haptic handle with a simulated partner."""
     from .commands import running as command
 
-    command.teach(role, lessons, dyad, seed, plant, out, json)
+    command.teach(role, lessons, dyad, device, delay_ms, passivity, seed, plant, out, json)
 
 
 @app.command
@@ -176,21 +179,35 @@ def reproduce(
 @app.command
 def trial(
     *,
-    role: Annotated[list[Literal["leader", "follower"]], Parameter(name="--role")] = ["leader", "follower"],
+    role: Annotated[
+        list[Literal["leader", "follower", "auto"]], Parameter(name="--role", help="auto: the robot is told nothing.")
+    ] = [
+        "leader",
+        "follower",
+    ],
     partners: int = 200,
     seed: int = 7,
     plant: Plant = "beam",
-    law: Annotated[list[str], Parameter(name="--law", help="default, paper, mass-damper, minimum-jerk; repeatable.")] = [
-        "default"
-    ],
+    law: Annotated[
+        list[str],
+        Parameter(
+            name="--law",
+            help="default, paper, mass-damper, damping, variable-damping, minimum-jerk, homotopy, active-passive; repeatable.",
+        ),
+    ] = ["default"],
     skill: Annotated[list[Path], Parameter(name="--skill", help="Skill files; default: learned now from 5 lessons a role.")] = [],
+    partners_from: Annotated[Path | None, Parameter(help="A Python file that implements the Partner socket.")] = None,
+    misbehaving: Annotated[
+        float, Parameter(help="Share of partners who hesitate, reverse, block, let go or change role: safe behaviour counts.")
+    ] = 0.2,
+    pictures: Annotated[Path | None, Parameter(help="Draw the ten worst runs of each law into this folder.")] = None,
     workers: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 0,
     json: Json = False,
 ) -> None:
     """Try laws on many partners they have never met, in closed loop: success, effort, forces, reasons of failures."""
-    from .commands import running as command
+    from .commands import trying as command
 
-    command.trial(role, partners, seed, plant, law, skill, workers, json)
+    command.trial(role, partners, seed, plant, law, skill, partners_from, misbehaving, pictures, workers, json)
 
 
 @app.command

@@ -214,6 +214,8 @@ def _where(recording: Recording) -> str:
 def _pieces(recording: Recording, chosen: Preparation) -> list[Demonstration]:
     where, notes = _where(recording), [str(n) for n in recording.metadata.get("notes", ())]
     role = _role(recording, where, chosen.role, notes)
+    if reason := recording.metadata.get("incomplete"):
+        suspect(notes, f"{where}: the take is incomplete ({reason}): leave it out, or be sure that it holds the whole task")
     if chosen.payload is None and "hand.force" not in recording:
         chosen = replace(chosen, payload=_stored_payload(recording))
     if chosen.load_share is None:

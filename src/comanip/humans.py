@@ -54,6 +54,26 @@ class Plan:
 
 
 @dataclass(frozen=True)
+class Legs:
+    """A plan of several minimum-jerk legs: (start [s], duration [s], how far [m]), one after the other or overlapping."""
+
+    legs: tuple[tuple[float, float, float], ...]
+    feedforward_kg: float = 1.0
+
+    @property
+    def lift_m(self) -> float:
+        return sum(far for _, _, far in self.legs)
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """Position [m], velocity [m/s] and acceleration [m/s^2] meant at `time` [s]."""
+        x = v = a = 0.0
+        for start, duration, far in self.legs:
+            p, dp, ddp = minimum_jerk((time - start) / duration)
+            x, v, a = x + far * p, v + far * dp / duration, a + far * ddp / duration**2
+        return x, v, a
+
+
+@dataclass(frozen=True)
 class Yielding:
     """How somebody moves with what he feels."""
 
@@ -77,7 +97,7 @@ class Intent:
     step_s           [s] between two calls of `step`
     """
 
-    def __init__(self, plan: Plan | None, yielding: Yielding | None, step_s: float) -> None:
+    def __init__(self, plan: Plan | Legs | None, yielding: Yielding | None, step_s: float) -> None:
         self.plan, self.yielding, self._step = plan, yielding, step_s
         self._mix = 1.0 - exp(-2 * pi * yielding.felt_bandwidth_hz * step_s) if yielding else 0.0
         self.reset()

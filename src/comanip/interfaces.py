@@ -129,14 +129,36 @@ class Partner(Protocol):
 class HapticDevice(Protocol):
     """What the teacher holds. Velocity out, force in (eqs. 1 and 2)."""
 
+    @property
+    def channels(self) -> Mapping[str, tuple[Array, str]]:
+        """More that it measures, rewritten by `read`: name -> (array, unit), known before it is connected.
+
+        Teleoperation makes use of device.position (d,) [m], device.clutch (1,) (1 while held down), device.delay (1,) [s] there
+        and back; a device may lack any.
+        """
+        ...
+
+    @property
+    def problem(self) -> str:
+        """Empty while it works; else why nothing it says can be trusted ("device lost")."""
+        ...
+
+    @property
+    def notice(self) -> str:
+        """What the teacher should know ("handle force clipped ..."); empty when all is well."""
+        ...
+
     def reset(self) -> None: ...
 
     def read(self, out: Array) -> None:
-        """Writes the handle's velocity v_h, (d,) [m/s]."""
+        """Writes the handle's velocity v_h, (d,) [m/s]; NaN when there is no new sample."""
         ...
 
-    def write(self, force: Array, duration: float) -> None:
-        """Renders `force` F_m, (d,) [N], on the handle for `duration` [s]."""
+    def write(self, force: Array, duration: float, power: float = 0.0) -> None:
+        """Renders `force` F_m, (d,) [N], on the handle for `duration` [s].
+
+        power   [W] that the object puts into the coupling at the robot's hand, for devices that keep an account of energy
+        """
         ...
 
 

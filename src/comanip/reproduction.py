@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from .errors import ParameterError
 from .interfaces import Skill
 from .learned import LearnedSkill, check_fits
 
 if TYPE_CHECKING:
     from .skills.envelope import Limits
+    from .skills.roles import RolePolicy
 
 
 def make_skill(
@@ -18,22 +21,62 @@ def make_skill(
     dt: float,
     law: str | None = None,
     role: str | None = None,
-    envelope: bool | Limits = False,
+    envelope: bool | Limits = True,
     **settings: Any,
 ) -> Skill:
     """The skill that runs `learned` on a robot with these axes and control period [s].
 
     law       "default" or "paper"; None takes the skill's own, with its stored settings
     role      only for a skill that states none; another role than the stated is a MismatchError
-    envelope  True, or the Limits, puts the safety envelope around it (docs/safety.md)
+    envelope  the safety envelope around it (docs/safety.md): on, off, or on with these Limits
     settings  of the law, on top of the stored ones
     """
     skill = _law(learned, axes=axes, dt=dt, law=law, role=role, settings=settings)
-    if envelope is False:
-        return skill
+    return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=None if envelope is True else envelope)
+
+
+def make_auto(
+    learned: Mapping[str, LearnedSkill],
+    *,
+    axes: tuple[str, ...],
+    dt: float,
+    envelope: bool | Limits = True,
+    policy: RolePolicy | None = None,
+) -> Skill:
+    """A skill that finds out by itself whether to lead or to follow.
+
+    learned   by role: "leader" and "follower", and "natural" if there are such lessons
+    policy    when it takes over and gives way; see `skills.roles.RolePolicy`
+    """
+    from .skills.collaborate import CollaborativeLaw
+    from .skills.reference import PhaseReference
+    from .skills.roles import AutoSkill, RoleEvidence, RolePolicy
+
+    if missing := [role for role in ("leader", "follower") if role not in learned]:
+        raise ParameterError(f"role 'auto' needs skills of both roles; missing: {', '.join(missing)}")
+    for one in learned.values():
+        check_fits(one, axes=axes, dt=dt)
+    leader = learned["leader"]
+    if leader.clock is None:
+        raise ParameterError("role 'auto' needs a leader with states in order of time: learn with topology left-right")
+    skill = AutoSkill(
+        RoleEvidence({role: learned[role].model for role in ("leader", "follower", "natural") if role in learned}, dt=leader.dt),
+        PhaseReference.learned(leader.clock, leader.ends.mean(axis=0)),
+        leader.ends,
+        leading=CollaborativeLaw.for_role("leader"),
+        following=CollaborativeLaw.for_role("follower"),
+        axes=axes,
+        dt=dt,
+        policy=policy or RolePolicy(),
+    )
+    return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=None if envelope is True else envelope)
+
+
+def enveloped(skill: Skill, *, axes: tuple[str, ...], dt: float, limits: Limits | None = None) -> Skill:
+    """`skill` within the safety envelope."""
     from .skills.envelope import Envelope, Limits
 
-    return Envelope(skill, axes=axes, dt=dt, limits=Limits() if envelope is True else envelope)
+    return Envelope(skill, axes=axes, dt=dt, limits=limits or Limits())
 
 
 def _law(

@@ -21,7 +21,7 @@ PARTNERS = 25
 @pytest.mark.parametrize("role", ["leader", "follower"])
 def test_it_carries_the_beam_with_partners_that_were_not_used_in_teaching(skills, role):
     rng = np.random.default_rng(2024)
-    verdicts = run_cases([draw_case(role, rng) for _ in range(PARTNERS)], skills[role], "default")
+    verdicts = run_cases([draw_case(role, rng) for _ in range(PARTNERS)], skills, "default")
     failed = [v.failures for v in verdicts if v.failures]
     assert len(failed) <= 1, failed
 
@@ -29,7 +29,7 @@ def test_it_carries_the_beam_with_partners_that_were_not_used_in_teaching(skills
 def test_the_literal_law_of_the_paper_fails_with_living_partners(skills):
     """The finding that the default law answers; were it to change, the documents would be wrong."""
     rng = np.random.default_rng(5)
-    verdicts = run_cases([draw_case("follower", rng) for _ in range(8)], skills["follower"], "paper")
+    verdicts = run_cases([draw_case("follower", rng) for _ in range(8)], skills, "paper")
     assert sum(v.success for v in verdicts) <= 4
 
 

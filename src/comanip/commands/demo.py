@@ -18,7 +18,8 @@ from ..teaching import ROLES
 from ..teaching import teach as record_lessons
 from ..trials import Case, Verdict, draw_case, judge, run_case, run_cases
 from .console import print_json, progress
-from .running import LESSON_RATE_HZ, summary
+from .running import LESSON_RATE_HZ
+from .trying import summary
 
 PARTNERS = 24  # a role and law; `comanip trial` runs as many as wanted
 LAWS = ("default", "paper", "mass-damper")
@@ -51,7 +52,7 @@ def demo(out: Path, seed: int, plant: str, json: bool) -> None:
         trials = {}
         for law in LAWS if role == "follower" else LAWS[:2]:
             with progress(f"{role}, law {law}, {PARTNERS} partners never met") as report_progress:
-                trials[law] = summary(run_cases(cases, skills[role], law, workers=0, progress=report_progress))
+                trials[law] = summary(run_cases(cases, skills, law, workers=0, progress=report_progress), cases)
         results["roles"][role]["trial"] = trials
         shown[role] = _shown(cases[0], skills[role])
         results["roles"][role]["shown"] = {"success": shown[role][2].success, **shown[role][2]._asdict()}

@@ -1,9 +1,9 @@
-"""teach, reproduce, trial: everything that runs the loop."""
+"""teach, reproduce: one run of the loop at a time."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
+import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,8 @@ import numpy as np
 from .. import skill_file
 from ..cli_flags import DataFlags
 from ..demonstration import demonstrations
-from ..errors import ParameterError
+from ..devices.link import Network
+from ..errors import ComanipWarning, ParameterError
 from ..formats import write
 from ..learned import LearnedSkill
 from ..learned import learn as learn_skill
@@ -20,19 +21,35 @@ from ..loop import SimulatedClock, WallClock, run
 from ..plants.replay import ReplayPlant
 from ..recording import Recording
 from ..reproduction import make_skill
-from ..teaching import DYADS
+from ..teaching import DYADS, PHANTOM, Coupling
 from ..teaching import teach as record_lessons
-from ..trials import Verdict, draw_case, judge, run_case, run_cases, success_interval
+from ..trials import draw_case, judge, run_case
 from .console import print_json, progress, table
 from .reading import read_lessons
 
 LESSON_RATE_HZ = 100.0
-TRIAL_LAWS = ("default", "paper", "mass-damper", "minimum-jerk")
 
 
-def teach(role: str, lessons: int, dyad: str, seed: int, plant: str, out: Path, json: bool) -> None:
+def teach(
+    role: str,
+    lessons: int,
+    dyad: str,
+    device: str,
+    delay_ms: float,
+    passivity: bool,
+    seed: int,
+    plant: str,
+    out: Path,
+    json: bool,
+) -> None:
+    network = Network(0.0005 * delay_ms, 0.0005 * delay_ms) if delay_ms else None
+    coupling = replace(PHANTOM if device == "phantom" else Coupling(), network=network, passivity=passivity)
     with progress(f"lessons as {role}") as report:
-        recordings = record_lessons(role, lessons, rng=np.random.default_rng(seed), habits=DYADS[dyad], progress=report)
+        recordings = record_lessons(
+            role, lessons, rng=np.random.default_rng(seed), habits=DYADS[dyad], coupling=coupling, plant=plant, progress=report
+        )
+    for said in sorted({str(r.metadata[k]) for r in recordings for k in ("incomplete", "notice") if k in r.metadata}):
+        warnings.warn(said, ComanipWarning, stacklevel=2)
     files = [out / f"{role}_{n + 1}.mcap" for n in range(len(recordings))]
     out.mkdir(parents=True, exist_ok=True)
     for recording, file in zip(recordings, files, strict=True):
@@ -117,69 +134,4 @@ def _replayed(
         "force_from": str(source),
         "position_rmse_m": float(np.sqrt((apart**2).sum(axis=1).mean())),
         "end_error_m": float(np.linalg.norm(apart[-1])),
-    }
-
-
-def trial(
-    roles: Sequence[str],
-    partners: int,
-    seed: int,
-    plant: str,
-    laws: Sequence[str],
-    files: Sequence[Path],
-    workers: int,
-    json: bool,
-) -> None:
-    given = {learned.role: learned for learned in map(skill_file.load, files)}
-    if unknown := sorted(set(laws) - set(TRIAL_LAWS)):
-        raise ParameterError(f"law {unknown[0]!r} is unknown; there are: {', '.join(TRIAL_LAWS)}")
-    results: dict[str, dict[str, Any]] = {}
-    for role in roles:
-        learned = given.get(role) or taught(role, seed=0)
-        rng = np.random.default_rng([seed, ("leader", "follower").index(role)])
-        cases = [draw_case(role, rng) for _ in range(partners)]
-        for law in laws:
-            with progress(f"{role}, {law}") as report:
-                verdicts = run_cases(cases, learned, law, workers=workers, progress=report)
-            results.setdefault(role, {})[law] = summary(verdicts)
-    if json:
-        print_json(results)
-        return
-    for role, by_law in results.items():
-        rows = [
-            (
-                law,
-                f"{100 * r['success']:.1f} %",
-                f"{100 * r['interval'][0]:.1f}-{100 * r['interval'][1]:.1f}",
-                f"{r['effort']:.3g}",
-                f"{r['peak_force_n']:.3g}",
-                f"{1000 * r['ripple_m_per_s']:.2g}",
-                "; ".join(f"{k} {n}" for k, n in r["failures"].items()) or "-",
-            )
-            for law, r in by_law.items()
-        ]
-        columns = ("law", "success", "95 %", "effort N²s", "peak N", "ripple mm/s", "failures")
-        table(f"Robot as {role}: {partners} partners it has never met (seed {seed})", columns, rows)
-
-
-def summary(verdicts: Sequence[Verdict]) -> dict[str, Any]:
-    """Medians over partners (peak force: the highest of all), success with its 95 % interval, reasons of failures."""
-    successes, n = sum(v.success for v in verdicts), len(verdicts)
-
-    def median(name: str) -> float:
-        return float(np.median([getattr(v, name) for v in verdicts]))
-
-    return {
-        "success": successes / max(n, 1),
-        "interval": list(success_interval(successes, n)),
-        "partners": n,
-        "effort": median("effort_n2s"),
-        "work_j": median("work_j"),
-        "peak_force_n": float(max(v.peak_force_n for v in verdicts)),
-        "residual_force_n": median("residual_force_n"),
-        "end_error_m": float(np.median([abs(v.end_error_m) for v in verdicts])),
-        "tilt_deg": float(max(v.tilt_deg for v in verdicts)),
-        "ripple_m_per_s": median("ripple_m_per_s"),
-        "smoothness": median("smoothness"),
-        "failures": dict(Counter(reason for v in verdicts for reason in v.failures)),
     }

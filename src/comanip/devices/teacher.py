@@ -1,10 +1,4 @@
-"""A teacher's hand on a haptic handle, simulated: the device in `read`/`write` form with a person on it.
-
-Handle and hand are one mass; the person is the model of `comanip.humans` seen from the device's side. Numbers: apparent
-mass of a PHANToM Premium 1.5 with gimbal 0.14 kg, friction as viscous 1 N s/m, a stylus hand 0.5 kg, force limit 8.5 N.
-
-    (M_t + M_d) dv_h/dt = f_teacher + F_m - b v_h
-"""
+"""The teacher: the model of `comanip.humans` with his hand on a haptic handle (`devices.phantom.HeldHandle`)."""
 
 from __future__ import annotations
 
@@ -19,23 +13,23 @@ from ..interfaces import Array
 
 @dataclass(frozen=True)
 class TeacherHand:
-    """A teacher's arm on the stylus. A follower's arm is softer than a leader's."""
+    """A teacher's arm on the stylus. A follower's arm is softer than a leader's. Grips: light 0.15 kg, 40 N/m, 2 N s/m; normal
+    0.5, 100, 8; stiff 0.8, 300, 20 (ranges of stylus grips: Fu and Cavusoglu, 15 subjects).
+    """
 
-    mass_kg: float = 0.64
+    mass_kg: float = 0.5
     stiffness_n_per_m: float = 150.0
     damping_ns_per_m: float = 15.0
-    device_friction_ns_per_m: float = 1.0
-    device_limit_n: float = 8.5
 
     def __post_init__(self) -> None:
         if not (self.mass_kg > 0 and self.stiffness_n_per_m > 0):
             raise ParameterError(f"a hand needs mass and stiffness > 0; got {self.mass_kg} kg, {self.stiffness_n_per_m} N/m")
 
 
-class SimulatedTeacher:
-    """Implements `HapticDevice`: leads by `plan`, follows by `yielding`, or shares with both. Lengths in device scale.
+class Teacher:
+    """Leads by `plan`, follows by `yielding`, or shares with both; with neither he holds still. Implements `Person`.
 
-    static_force   (d,) [N] the handle force at rest (the rendered weight), which the teacher carries without thinking
+    static_force   (d,) [N] the handle force at rest (the rendered weight), which he carries without thinking
     moving         index of the axis he moves along; the others he holds
     """
 
@@ -48,43 +42,27 @@ class SimulatedTeacher:
         static_force: Array,
         moving: int = 0,
         substep_s: float = 0.001,
+        unsteady_n: float = 0.02,
         rng: np.random.Generator,
     ) -> None:
-        if plan is None and yielding is None:
-            raise ParameterError("a teacher leads (plan), follows (yielding) or shares (both); got neither")
-        self.hand = hand
+        self.hand, self.mass_kg = hand, hand.mass_kg
         self._static = [float(f) for f in static_force]
-        self._intents = [Intent(plan, yielding, substep_s) for _ in self._static]
-        for i in range(len(self._static)):
-            if i != moving:
-                self._intents[i] = Intent(None, None, substep_s)
-        self._substep, self._rng = substep_s, rng
-        self.reset()
+        self._intents = [
+            Intent(plan, yielding, substep_s) if i == moving else Intent(None, None, substep_s) for i in range(len(self._static))
+        ]
+        self._feedforward = plan.feedforward_kg if plan else 0.0
+        self._unsteady, self._rng = unsteady_n, rng
 
     def reset(self) -> None:
-        d = len(self._static)
-        self.time = 0.0
-        self._x, self._v = [0.0] * d, [0.0] * d
         for intent in self._intents:
             intent.reset()
 
-    def read(self, out: Array) -> None:
-        out[:] = self._v
-
-    def write(self, force: Array, duration: float) -> None:
-        limit = self.hand.device_limit_n
-        felt = [min(max(float(f), -limit), limit) for f in force]
-        steps = max(1, round(duration / self._substep))
-        for _ in range(steps):
-            for i, f_m in enumerate(felt):
-                self._advance(i, f_m, duration / steps)
-            self.time += duration / steps
-
-    def _advance(self, i: int, f_m: float, h: float) -> None:
-        hand = self.hand
-        x_e, v_e, a_d = self._intents[i].step(self.time)
-        self._intents[i].feel(f_m - self._static[i], self._v[i])
-        f_teacher = hand.stiffness_n_per_m * (x_e - self._x[i]) + hand.damping_ns_per_m * (v_e - self._v[i])
-        f_teacher += hand.mass_kg * a_d - self._static[i] + 0.02 * float(self._rng.standard_normal())
-        self._v[i] += h * (f_teacher + f_m - hand.device_friction_ns_per_m * self._v[i]) / hand.mass_kg
-        self._x[i] += h * self._v[i]
+    def force(self, time: float, position: list[float], velocity: list[float], felt: list[float]) -> list[float]:
+        hand, out = self.hand, []
+        for i, intent in enumerate(self._intents):
+            x_e, v_e, a_d = intent.step(time)
+            intent.feel(felt[i] - self._static[i], velocity[i])
+            force = hand.stiffness_n_per_m * (x_e - position[i]) + hand.damping_ns_per_m * (v_e - velocity[i])
+            force += self._feedforward * a_d - self._static[i] + self._unsteady * float(self._rng.standard_normal())
+            out.append(force)
+        return out

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..errors import ParameterError
-from ..humans import Intent, Noise, Plan, Unsteadiness, Yielding, minimum_jerk
+from ..humans import Intent, Legs, Noise, Plan, Unsteadiness, Yielding, minimum_jerk
 from ..interfaces import STANDARD_GRAVITY, Array
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "HumanFollower",
     "HumanLeader",
     "HumanSharing",
+    "Legs",
     "Plan",
     "Unsteadiness",
     "Yielding",
@@ -54,7 +55,7 @@ class _Human:
 
     def __init__(
         self,
-        plan: Plan | None,
+        plan: Plan | Legs | None,
         yielding: Yielding | None,
         arm: Arm,
         *,
@@ -93,7 +94,7 @@ class _Human:
 class _Planning(_Human):
     """Whoever has a plan. `goal` (d,) [m] is where he means the far end to be in the end."""
 
-    plan: Plan
+    plan: Plan | Legs
 
     @property
     def goal(self) -> Array:
@@ -105,7 +106,7 @@ class HumanLeader(_Planning):
 
     def __init__(
         self,
-        plan: Plan = Plan(),
+        plan: Plan | Legs = Plan(),
         arm: Arm = Arm(),
         *,
         axes: tuple[str, ...] = ("z",),

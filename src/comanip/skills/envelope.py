@@ -24,7 +24,7 @@ from math import copysign, exp, inf, isfinite, pi, sqrt
 import numpy as np
 
 from ..errors import ParameterError
-from ..interfaces import Array, Command, Observation, Skill
+from ..interfaces import STANDARD_GRAVITY, Array, Command, Observation, Skill
 from .checker import Checker
 
 RUN, COMPLY, HOLD = 0, 1, 2
@@ -52,7 +52,9 @@ class Limits:
     rest_m_per_s: float = 0.02  # measured speed up to which re-arming counts as at rest
     blocked_n: float = 25.0  # against the motion
     blocked_s: float = 0.1
-    let_go_n: float = 0.3  # less than this is nobody
+    alone_n: float = 1.2  # within this of carrying the whole object alone, the partner's end is free
+    alone_s: float = 0.12
+    let_go_n: float = 0.3  # less than this is nobody, where the object weighs nothing along the axes
     let_go_s: float = 0.4
     held_n: float = 2.0  # more than this, in this motion, was somebody
     let_go_m_per_s: float = 0.08
@@ -210,6 +212,8 @@ class Envelope:
         self._energy = [self.limits.energy_j] * d
         self._blocked_s = self._alone_s = self._rest_s = self._felt = self._slow = self._shake = self._shaken = 0.0
         self._held = False
+        self._weight, self._weighed = [0.0] * d, 0  # F_s at rest, both holding: this hand's share of the object
+        self._missing, self._missing_s, self._rate = [0.0] * d, 0.0, [0.0] * d
         self._checker.start(position)
         self._mode[0], self._confidence[0], self._tank[:] = RUN, 1.0, self.limits.energy_j
 
@@ -276,6 +280,8 @@ class Envelope:
         if verdict:
             self._fault(f"checker: {verdict}")
         passed = self._state == RUN and fresh and velocity == self._asked
+        if period > 0.0:
+            self._rate = [(new - old) / period for new, old in zip(velocity, self._v, strict=True)]
         self._v = velocity
         self._write(command, velocity, passed)
 
@@ -341,6 +347,21 @@ class Envelope:
         self._known = good
         if good:
             self._force = force
+            self._weigh(raw, period)
+
+    def _weigh(self, raw: list[float], period: float) -> None:
+        """The object's weight on this hand, from the first quarter second at rest; and what of the partner's pull is missing.
+
+        Where the partner lets go F = -s m (g + a): this hand then carries twice its share, and nothing else pulls.
+        """
+        if self._weighed < 25:
+            if max(abs(v) for v in self._v) < self.limits.moving_m_per_s and all(abs(f) < ABSURD for f in raw):
+                self._weighed += 1
+                self._weight = [w + (f - w) / self._weighed for w, f in zip(self._weight, raw, strict=True)]
+            return
+        share = min(period / 0.05, 1.0)
+        for i, (f, w) in enumerate(zip(self._force, self._weight, strict=True)):
+            self._missing[i] += share * (f - w * (1.0 + self._rate[i] / STANDARD_GRAVITY) - self._missing[i])
 
     def _book(self, period: float, late: bool) -> None:
         """Where the last command led, and what it cost at worst."""
@@ -366,6 +387,11 @@ class Envelope:
             size += f * f
         speed, size = sqrt(speed), sqrt(size)
         against = -along / speed if speed > 1e-6 else 0.0
+        load = sqrt(sum(w * w for w in self._weight))
+        alone = self._weighed >= 25 and load > limits.held_n and sqrt(sum(m * m for m in self._missing)) < limits.alone_n
+        self._missing_s = self._missing_s + period if alone else 0.0
+        if self._missing_s > limits.alone_s:
+            self._fault("let go: the hand carries the whole object")
         self._blocked_s = self._blocked_s + period if against > limits.blocked_n else 0.0
         if self._blocked_s > limits.blocked_s:
             self._comply("blocked")

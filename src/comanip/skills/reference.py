@@ -88,6 +88,10 @@ class PhaseReference:
         apart = self.position[low:high] - position
         return (low + int(np.einsum("nd,nd->n", apart, apart).argmin())) * self.step_s
 
+    def nearest(self, position: Array) -> float:
+        """Phase [s] whose expected position is closest to `position` (d,), wherever it is."""
+        return self.closest(position, 0.5 * self.duration_s, self.duration_s)
+
 
 def _smoothed(table: Array, step_s: float) -> Array:
     """Moving average (N, d) under a Hann window of SMOOTHING_S; what lies beyond the ends continues them."""

@@ -3,11 +3,56 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from math import exp, inf, isfinite, sqrt
 
 import numpy as np
 
 from ..errors import ParameterError
 from ..interfaces import Array, Command, HapticDevice, Observation
+
+RUN, HOLD = 0, 1
+
+
+@dataclass(frozen=True)
+class CouplingLimits:
+    """What the coupling refuses to do. Defaults leave a lesson on a good device unchanged.
+
+    full_feedback_s, no_feedback_s   measured round trip up to which K_f is as set; above, K_f falls as 1/delay; from
+                                     no_feedback_s on there is no force feedback (docs/physics.md: stability map)
+    workspace_m                      (lowest, highest) of the ROBOT'S hand per axis; None: no walls
+    """
+
+    v_max_m_per_s: float = 0.8
+    a_max_m_per_s2: float = 10.0
+    handle_max_m_per_s: float = 3.0  # no wrist is faster: a sample above is no motion
+    stale_s: float = 0.050
+    connect_s: float = 1.0  # how long the first sample may take
+    match_m: float = 0.02  # how well handle and hand must agree before they are coupled again
+    ramp_s: float = 1.5  # the robot's share of the handle's velocity fades in after a fault
+    patience_s: float = 3.0  # held for so long, the run ends
+    full_feedback_s: float = 0.010
+    no_feedback_s: float = 0.150
+    workspace_m: tuple[tuple[float, float], ...] | None = None
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            if name == "workspace_m":
+                if any(not low < high for low, high in value or ()):
+                    raise ParameterError(f"workspace_m needs lowest < highest on each axis; got {value}")
+            elif not (value > 0 and isfinite(value)):
+                raise ParameterError(f"{name} must be positive and finite; got {value}")
+        if not self.full_feedback_s < self.no_feedback_s:
+            raise ParameterError(
+                f"full_feedback_s must be below no_feedback_s; got {self.full_feedback_s} and {self.no_feedback_s} s"
+            )
+
+    def feedback(self, round_trip_s: float) -> float:
+        """Share of K_f that this delay allows, 0 to 1."""
+        if round_trip_s >= self.no_feedback_s:
+            return 0.0
+        return 1.0 if round_trip_s <= self.full_feedback_s else self.full_feedback_s / round_trip_s
 
 
 class Teleoperation:
@@ -17,10 +62,17 @@ class Teleoperation:
     Eq. (2)  v   = s_v U^-1 v_h       velocity_scale s_v maps the device's workspace on the robot's
 
     F_s is the RAW sensor force, so the teacher feels the load's weight scaled by K_f. U must be orthonormal with det +1.
-    """
 
-    notice = ""
-    stop_reason = ""
+    home     (d,) [m] handle position that fits the hand's position at the start; None: wherever the handle is, fits
+
+    The clutch uncouples: while it is up the robot stands, and pressed again it goes on from wherever the handle is. On a fault
+    (device lost or silent, a sample or force that cannot be) the robot brakes and holds. To go on, the device must work again
+    and the clutch be released and pressed where handle and hand agree within `limits.match_m`; then the coupling fades in. A
+    run held longer than `limits.patience_s` ends, with the fault as its stop reason.
+
+    Diagnostics: device.velocity v_h, device.force F_m as asked, the device's own channels, coupling.mode (0 run, 1 hold),
+    coupling.gain (share of K_f rendered), coupling.mismatch [m].
+    """
 
     def __init__(
         self,
@@ -31,33 +83,213 @@ class Teleoperation:
         force_gain: float | Array = 0.15,
         velocity_scale: float = 1.3,
         rotation: Array | None = None,
+        home: Array | None = None,
+        limits: CouplingLimits = CouplingLimits(),
     ) -> None:
-        u = np.eye(n_axes) if rotation is None else np.asarray(rotation, dtype=float)
-        if u.shape != (n_axes, n_axes) or not np.allclose(u @ u.T, np.eye(n_axes), atol=1e-6) or np.linalg.det(u) < 0:
-            raise ParameterError(
-                f"rotation U must be orthonormal ({n_axes}, {n_axes}) with determinant +1; got {np.round(u, 3).tolist()}"
-            )
-        self._device, self._dt, self._scale = device, dt, velocity_scale
-        self._render = u @ np.diag(np.broadcast_to(np.asarray(force_gain, dtype=float), (n_axes,)))
+        self._device, self._dt, self._scale, self.limits = device, dt, velocity_scale, limits
+        u = _checked_rotation(rotation, n_axes)
+        gain = np.asarray(force_gain, dtype=float)
+        if gain.shape not in ((), (n_axes,)) or not (np.isfinite(gain).all() and (gain >= 0).all()):
+            raise ParameterError(f"force_gain K_f must be >= 0, one number or {n_axes}; got {force_gain}")
+        if not (velocity_scale > 0 and isfinite(velocity_scale)):
+            raise ParameterError(f"velocity_scale s_v must be positive; got {velocity_scale}")
+        if limits.workspace_m is not None and len(limits.workspace_m) != n_axes:
+            raise ParameterError(f"workspace_m needs {n_axes} rows; got {len(limits.workspace_m)}")
+        self._walls = limits.workspace_m or ((-inf, inf),) * n_axes
+        self._render = u @ np.diag(np.broadcast_to(gain, (n_axes,)))
         self._back = velocity_scale * u.T  # U^-1 = U^T
-        self._handle_velocity, self._handle_force = np.zeros(n_axes), np.zeros(n_axes)
+        self._home = None if home is None else np.array(home, dtype=float)
+        zeros = [np.zeros(n_axes) for _ in range(9)]
+        self._handle_velocity, self._handle_force, self._sample, self._fresh_force, self._velocity = zeros[:5]
+        self._rest_force, self._hand_anchor, self._handle_anchor, self._wanted = zeros[5:]
+        self._mode, self._gain, self._mismatch = np.zeros(1), np.ones(1), np.zeros(1)
+        more = {name: array for name, (array, _) in device.channels.items()}
+        self._place, self._clutch, self._delay = (more.get(f"device.{n}") for n in ("position", "clutch", "delay"))
+        if self._home is not None and self._place is None:
+            raise ParameterError("home needs a device that measures device.position; this one does not")
         self._diagnostics = {
             "device.velocity": self._handle_velocity,
             "device.force": self._handle_force,
+            **more,
+            "coupling.mode": self._mode,
+            "coupling.gain": self._gain,
+            "coupling.mismatch": self._mismatch,
         }
+        self._begin()
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
         return self._diagnostics
 
+    @property
+    def fault(self) -> str:
+        """Why it holds; empty while it runs."""
+        return self._reason
+
+    @property
+    def stop_reason(self) -> str:
+        return self._reason if self._held_s > self.limits.patience_s else ""
+
+    @property
+    def notice(self) -> str:
+        said = [f"HOLD: {self._reason}{self._how_to_go_on()}" if self._reason else "", self._device.notice]
+        share = float(self._gain[0])
+        if self._delay is not None and share < 1.0 and not self._reason:
+            how = f"at {100.0 * share:.0f} %" if share > 0.0 else "off"
+            said.append(f"force feedback {how}: delay {1000.0 * float(self._delay[0]):.0f} ms")
+        if self._at_wall:
+            said.append("the arm is at the edge of its workspace")
+        return "; ".join(s for s in said if s)
+
+    def _how_to_go_on(self) -> str:
+        if self._mismatch[0] > self.limits.match_m:
+            return f" (handle is {100.0 * self._mismatch[0]:.0f} cm from where the arm is)"
+        return " (press the clutch to go on)" if self._released else " (release the clutch)"
+
     def reset(self, obs: Observation) -> None:
         self._device.reset()
+        self._begin()
+        if np.isfinite(obs.sensor_force).all():
+            self._fresh_force[:] = self._rest_force[:] = obs.sensor_force
+        self._anchor(obs)
+        self._gain[0] = self._allowed()
+        if self._home is not None:
+            self._handle_anchor[:] = self._home
+            self._measure_mismatch(obs)
+            if self._mismatch[0] > self.limits.match_m:
+                self._fault("handle and arm do not match at the start")
+
+    def _begin(self) -> None:
+        self._reason, self._held_s, self._silent_s, self._blind_s, self._met = "", 0.0, 0.0, 0.0, False
+        self._ramp, self._released, self._coupled, self._at_wall = 1.0, False, True, False
+        self._mode[0], self._gain[0], self._mismatch[0] = RUN, 1.0, 0.0
+        self._velocity[:] = self._handle_velocity[:] = self._handle_force[:] = self._fresh_force[:] = self._rest_force[:] = 0.0
+
+    def _fault(self, reason: str) -> None:
+        if not self._reason:
+            self._reason, self._held_s, self._released = reason, 0.0, False
+
+    # one tick
 
     def step(self, obs: Observation, command: Command) -> None:
-        if np.isfinite(obs.sensor_force).all():  # a missing sample holds the last force for one tick
-            np.matmul(self._render, obs.sensor_force, out=self._handle_force)
-        self._device.write(self._handle_force, self._dt)
-        self._device.read(self._handle_velocity)
-        np.matmul(self._back, self._handle_velocity, out=command.velocity)
+        self._feel(obs)
+        self._device.write(self._handle_force, self._dt, self._power(obs))
+        self._listen()
+        if self._reason:
+            self._wait(obs)
+        self._couple(obs)
+        command.velocity[:] = self._velocity
         command.acceleration[:] = 0.0
         command.position[:] = obs.position
+
+    def _feel(self, obs: Observation) -> None:
+        """Eq. (1), with the share of K_f that the delay allows; none in HOLD."""
+        if np.isfinite(obs.sensor_force).all():
+            self._fresh_force[:] = obs.sensor_force
+            self._blind_s = 0.0
+        else:  # a missing sample holds the last force for a while
+            self._blind_s += self._dt
+            if self._blind_s > self.limits.stale_s + 1e-9:
+                self._fault(f"force {1000.0 * self._blind_s:.0f} ms old")
+        self._gain[0] = self._eased(0.0 if self._reason else self._allowed())
+        np.matmul(self._render, self._fresh_force, out=self._handle_force)
+        self._handle_force *= self._gain[0]
+
+    def _allowed(self) -> float:
+        return 1.0 if self._delay is None else self.limits.feedback(float(self._delay[0]))
+
+    def _eased(self, allowed: float) -> float:
+        """K_f falls at once to what the delay allows; else it moves in 0.1 s: a jump of the weight would be a push."""
+        gain = float(self._gain[0])
+        if (allowed < gain and not self._reason) or abs(allowed - gain) < 1e-3:
+            return allowed
+        return gain + (allowed - gain) * (1.0 - exp(-self._dt / 0.1))
+
+    def _power(self, obs: Observation) -> float:
+        """(K_f/s_v) (F_s - F_s at rest) v [W]: what the object puts in at the hand, at the handle's scale."""
+        if not np.isfinite(obs.velocity).all():
+            return 0.0
+        handle_side = self._render @ (self._fresh_force - self._rest_force)
+        return float(self._gain[0] * handle_side @ (self._back.T @ obs.velocity)) / self._scale**2
+
+    def _listen(self) -> None:
+        """A sample, or the last one again; too long without, or one that cannot be, is a fault."""
+        if problem := self._device.problem:
+            self._fault(problem)
+        self._device.read(self._sample)
+        if not np.isfinite(self._sample).all():
+            self._silent_s += self._dt
+            if self._silent_s > 1e-9 + (self.limits.stale_s if self._met else self.limits.connect_s):
+                self._fault(f"no sample from the device for {1000.0 * self._silent_s:.0f} ms")
+            return
+        self._silent_s, self._met = 0.0, True
+        fastest = float(np.abs(self._sample).max())
+        if fastest > self.limits.handle_max_m_per_s:
+            self._fault(f"handle velocity {fastest:.3g} m/s cannot be")
+            return
+        self._handle_velocity[:] = self._sample
+
+    def _wait(self, obs: Observation) -> None:
+        """In HOLD: goes on when the device works, the clutch was up and is pressed where handle and hand agree."""
+        self._held_s += self._dt
+        self._measure_mismatch(obs)
+        pressed = self._clutch is not None and self._clutch[0] > 0.5
+        works = not self._device.problem and self._silent_s == 0.0 and self._blind_s == 0.0
+        if self._clutch is None or not works:
+            return
+        if not pressed:
+            self._released = True
+        elif self._released and self._mismatch[0] <= self.limits.match_m and not self._velocity.any():
+            self._reason, self._ramp = "", 0.0
+        else:
+            self._released = False  # pressed at the wrong place: once more
+
+    def _couple(self, obs: Observation) -> None:
+        """Eq. (2) inside what the arm may do. Wherever it is not one to one, the anchor moves along: no wind-up."""
+        coupled = not self._reason and (self._clutch is None or self._clutch[0] > 0.5)
+        self._ramp = min(1.0, self._ramp + self._dt / self.limits.ramp_s)
+        np.matmul(self._back, self._handle_velocity, out=self._wanted)
+        self._wanted *= self._ramp if coupled else 0.0
+        exact = coupled and self._ramp == 1.0
+        step, fastest = self.limits.a_max_m_per_s2 * self._dt, self.limits.v_max_m_per_s
+        self._at_wall = False
+        for i, (low, high) in enumerate(self._walls):
+            up, down = fastest, fastest
+            if isfinite(high - low) and isfinite(obs.position[i]):
+                up, down = min(up, self._reach(high - obs.position[i])), min(down, self._reach(obs.position[i] - low))
+            wanted, last = float(self._wanted[i]), float(self._velocity[i])
+            allowed = min(max(wanted, -down), up)
+            self._at_wall |= allowed != wanted and abs(allowed) < fastest
+            self._velocity[i] = min(max(allowed, last - step), last + step)
+            exact &= self._velocity[i] == wanted
+        if exact:
+            self._measure_mismatch(obs)
+        elif not self._reason:
+            self._anchor(obs)
+        self._mode[0] = HOLD if self._reason else RUN
+
+    def _reach(self, left: float) -> float:
+        """Highest speed [m/s] from which the arm can brake inside `left` [m], one period later at the latest."""
+        a = self.limits.a_max_m_per_s2
+        return max(0.0, sqrt(2.0 * a * max(left, 0.0)) - a * self._dt)
+
+    def _anchor(self, obs: Observation) -> None:
+        if self._place is not None and np.isfinite(obs.position).all() and np.isfinite(self._place).all():
+            self._hand_anchor[:], self._handle_anchor[:] = obs.position, self._place
+            self._mismatch[0] = 0.0
+
+    def _measure_mismatch(self, obs: Observation) -> None:
+        """How far the hand is from where the handle's way since the anchor would have it."""
+        if self._place is None or not (np.isfinite(obs.position).all() and np.isfinite(self._place).all()):
+            return
+        apart = obs.position - self._hand_anchor - self._back @ (self._place - self._handle_anchor)
+        self._mismatch[0] = sqrt(float(apart @ apart))
+
+
+def _checked_rotation(rotation: Array | None, n_axes: int) -> Array:
+    u = np.eye(n_axes) if rotation is None else np.asarray(rotation, dtype=float)
+    if u.shape != (n_axes, n_axes) or not np.allclose(u @ u.T, np.eye(n_axes), atol=1e-6) or np.linalg.det(u) < 0:
+        raise ParameterError(
+            f"rotation U must be orthonormal ({n_axes}, {n_axes}) with determinant +1; got {np.round(u, 3).tolist()}"
+        )
+    return u

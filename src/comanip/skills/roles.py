@@ -1,0 +1,312 @@
+"""Who leads? Evidence from the learned models, and a skill that leads or follows by it.
+
+`RoleEvidence` keeps a probability over what the robot is just now: the leader (force as in the leader's lessons), the follower
+(as in the follower's), sharing (as in natural lessons, if there are any), or neither. `AutoSkill` is told nothing: it follows
+whoever moves, takes over when nobody does, and gives way to a partner who insists. Between the two it is one law all the time,
+with one compliance state, so a change of role is a change of numbers and never a jump:
+
+    M(a) dc/dt = dz(F - a F_r) - D(a) c        v = a (s' v_r(s) + lambda (x_r - x)) + c        |da/dt| <= 1 / blend_s
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from math import isfinite, sqrt
+
+import numpy as np
+
+from ..errors import MismatchError
+from ..interfaces import Array, Command, Observation
+from ..models.filtering import ForwardFilter
+from ..models.hmm import Hmm
+from .collaborate import CollaborativeLaw, Compliance, Pace, command_velocity, outside_taught
+from .reference import PhaseReference
+
+GAINS = (0.1, 0.2, 0.4, 0.8)  # how strong this partner is beside those of the lessons
+FOLLOWS, PROBES, LEADS = "follows", "offers to lead", "leads"
+BIAS_S = 1.5  # how fast a force at rest, before the first motion, is taken for the sensor's
+PULL_S = 0.08  # smoothing of the force that decisions are made on
+GROUPS = ("position", "force", "velocity")
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """What a tick is worth as evidence. A living partner pulls 2 N where a teacher pulled 9: only the pattern tells the role."""
+
+    force_n: float = 1.0  # noise, bias and tremor of the force
+    velocity_m_per_s: float = 0.05
+    position_share: float = 0.125  # of the taught range: other people lift from elsewhere to elsewhere
+    memory_s: float = 0.1  # samples closer than this repeat each other
+    switch_s: float = 3.0  # roles change no oftener than about this
+    gate: float = 20.0  # [nats] most that one sample may say
+
+
+class RoleEvidence:
+    """Probability of each role, updated tick by tick: a bank of forward filters, one a role and partner's strength.
+
+    Each filter is the role's HMM with its forces scaled by a gain and its covariance widened by the doubts; its predictive
+    log-likelihood, tempered by memory, is the evidence. "neither" is a broad Gaussian around all roles.
+
+    models   role -> Hmm with channels "position.*", "force.*", "velocity.*" of the same axes
+    names    the roles, then "neither"; probabilities (len(names),) are in this order
+    """
+
+    def __init__(self, models: Mapping[str, Hmm], *, dt: float, doubts: Doubts = Doubts()) -> None:
+        channels = {m.channels for m in models.values()}
+        if len(channels) != 1:
+            raise MismatchError(f"roles can be compared only over the same channels; got {sorted(channels)}")
+        self.names = (*models, "neither")
+        self._dt, self._doubts = dt, doubts
+        means = np.concatenate([m.means for m in models.values()])
+        variances = np.concatenate([np.einsum("kii->ki", m.covariances) for m in models.values()])
+        order = next(iter(models.values())).channels
+        self._centre = means.mean(axis=0)
+        self._spread = np.sqrt(2.25 * (means.var(axis=0) + variances.mean(axis=0)))
+        noise = self._noise(order, means)
+        self._filters = [ForwardFilter(_heard(model, gain, noise), GROUPS) for model in models.values() for gain in GAINS]
+        place = [order.index(c) for c in self._filters[0].channels]
+        self._centre, self._spread = self._centre[place], self._spread[place]
+        self._share = np.repeat(np.eye(len(models)), len(GAINS), axis=0)  # filter -> role
+        n = len(self._filters) + 1
+        self._prior = np.full(n, 1.0 / (len(self.names) * len(GAINS)))
+        self._prior[-1] = 1.0 / len(self.names)
+        self._p, self._log_l = self._prior.copy(), np.zeros(n)
+        self.probabilities = np.zeros(len(self.names))
+        self.reset()
+
+    def _noise(self, channels: tuple[str, ...], means: Array) -> Array:
+        size = {"force": self._doubts.force_n, "velocity": self._doubts.velocity_m_per_s}
+        return np.array(
+            [size.get(c.split(".")[0], self._doubts.position_share * float(np.ptp(means[:, i]))) for i, c in enumerate(channels)]
+        )
+
+    def reset(self) -> None:
+        for one in self._filters:
+            one.reset()
+        self._p[:] = self._prior
+        self._until = 0.0
+        self._tell()
+
+    def step(self, seen: Array, elapsed_s: float) -> None:
+        """Takes in position, force and velocity, (3 d,) in this order; `elapsed_s` since the last call."""
+        self._until -= elapsed_s
+        if self._until > 1e-9:
+            return
+        self._until += self._dt
+        for i, one in enumerate(self._filters):
+            one.step(seen)
+            self._log_l[i] = one.last_log_likelihood
+        off = (seen - self._centre) / self._spread
+        present = np.isfinite(off)
+        self._log_l[-1] = -0.5 * float(off[present] @ off[present]) - float(np.log(2.5066 * self._spread[present]).sum())
+        doubts = self._doubts
+        change = self._dt / doubts.switch_s
+        told = np.maximum(self._log_l - self._log_l.max(), -doubts.gate) * (self._dt / doubts.memory_s)
+        p = ((1.0 - change) * self._p + change * self._prior) * np.exp(told)
+        self._p[:] = p / p.sum()
+        self._tell()
+
+    def _tell(self) -> None:
+        self.probabilities[:-1] = self._p[:-1] @ self._share
+        self.probabilities[-1] = self._p[-1]
+
+
+def _heard(model: Hmm, gain: float, noise: Array) -> Hmm:
+    """The role's model as a partner of this strength would sound, `noise` (D,) added."""
+    scale = np.array([gain if c.startswith("force.") else 1.0 for c in model.channels])
+    covariances = model.covariances * scale[:, None] * scale + np.diag(noise**2)
+    return replace(model, means=model.means * scale, covariances=covariances)
+
+
+@dataclass(frozen=True)
+class RolePolicy:
+    """When a robot that was told nothing leads and when it follows."""
+
+    start_patience_s: float = 6.5  # nobody has moved yet: a partner who means to lead gets this long
+    midway_patience_s: float = 2.0  # at rest short of where lessons ended: so long is a pause, longer is handing over
+    resting_m_per_s: float = 0.02
+    resting_n: float = 1.2
+    finished_m: float = 0.03  # nearer to the shortest lesson's end, or beyond it, the task is done
+    probe_n: float = 2.2  # taking over begins with a push of no more than this,
+    probe_m: float = 0.05  # and is meant from here on: who gives way so far does not hold on to his place
+    probe_s: float = 0.6  # in so long a push moves something,
+    progress_m: float = 0.004  # this much at least, or it is answered
+    held_m_per_s: float = 0.01  # leading, but slower than this against a pull: he holds
+    held_s: float = 0.6
+    insist_n: float = 3.0  # resistance that is more than the other's inertia ...
+    insist_ns_per_m: float = 40.0  # ... and damping is a will of his own
+    ahead_n: float = 3.0  # pull in the direction of motion: he wants to lead
+    insist_s: float = 0.3
+    blend_s: float = 0.5
+
+
+class AutoSkill:
+    """Leads or follows, as the partner leaves it to do; both from lessons of those roles.
+
+    Diagnostics: role (n,) probabilities of `evidence.names`, blend a in [0, 1] (1 leads), phase [s], expected force, compliance
+    velocity. `notice` says what it does: "follows", "offers to lead", "leads".
+    """
+
+    stop_reason = ""
+
+    def __init__(
+        self,
+        evidence: RoleEvidence,
+        reference: PhaseReference,
+        ends: Array,
+        *,
+        leading: CollaborativeLaw,
+        following: CollaborativeLaw,
+        axes: tuple[str, ...],
+        dt: float,
+        policy: RolePolicy = RolePolicy(),
+    ) -> None:
+        self.evidence, self.reference, self.policy = evidence, reference, policy
+        self._dt, d = dt, len(axes)
+        self._end, way = ends.min(axis=0), reference.position[-1] - reference.position[0]
+        self._way = way / max(sqrt(way @ way), 1e-9)
+        self._laws = [_between(following, leading, n / 50.0) for n in range(51)]
+        self._pace = Pace(reference, leading, dt)
+        self._compliance = Compliance(d, dt)
+        self._velocity, self._position, self._start = np.zeros(d), np.zeros(d), np.zeros(d)
+        self._expected, self._reference, self._pull, self._bias = np.zeros(d), np.zeros(d), np.zeros(d), np.zeros(d)
+        self._nothing, self._seen = np.zeros(d), np.zeros(3 * d)
+        self._blend, self._phase = np.zeros(1), np.zeros(1)
+        self._complies_only = False
+        self._state = FOLLOWS
+
+    @property
+    def diagnostics(self) -> Mapping[str, Array]:
+        return {
+            "role": self.evidence.probabilities,
+            "blend": self._blend,
+            "phase": self._phase,
+            "expected_force": self._expected,
+            "compliance": self._compliance.velocity,
+        }
+
+    @property
+    def notice(self) -> str:
+        if self._complies_only:
+            return "outside what was taught: complies only"
+        return self._state
+
+    def reset(self, obs: Observation) -> None:
+        self.evidence.reset()
+        self._position[:] = np.nan_to_num(obs.position)
+        self._start[:] = self._position
+        self._compliance.reset()
+        self._pace.start(0.0, self._position)
+        for array in (self._velocity, self._expected, self._reference, self._pull, self._bias, self._blend, self._phase):
+            array[:] = 0.0
+        self._state, self._moved = FOLLOWS, False
+        self._place: Array | None = None  # where a take-over was begun or answered last
+        self._rest_s = self._against_s = self._held_s = self._reached = self._push = self._meant = 0.0
+        self._complies_only = outside_taught(self.reference, self._position) > self._laws[0].reach_m
+
+    def step(self, obs: Observation, command: Command) -> None:
+        x = obs.position if isfinite(obs.position.sum()) else np.where(np.isfinite(obs.position), obs.position, self._position)
+        force = obs.force if isfinite(obs.force.sum()) else np.where(np.isfinite(obs.force), obs.force, 0.0)
+        self._position[:] = x
+        np.concatenate([obs.position, obs.force - self._bias, self._velocity], out=self._seen)
+        self.evidence.step(self._seen, self._dt)
+        force = force - self._bias
+        self._pull += min(self._dt / PULL_S, 1.0) * (force - self._pull)
+        if not self._complies_only:
+            {FOLLOWS: self._take_over_if_nobody_leads, PROBES: self._probe, LEADS: self._give_way_if_he_insists}[self._state](x)
+        a, reference = self._blended(), self._nothing
+        if a > 0.0:
+            reference = self._led(x, force)
+        law = self._laws[round(50 * a)]
+        self._compliance.step(law, force - self._expected, reference, self._nothing)
+        command_velocity(law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
+
+    def _blended(self) -> float:
+        """a moves toward its role's end no faster than 1 / blend_s."""
+        most = self._dt / self.policy.blend_s
+        self._blend[0] += min(max(float(self._state != FOLLOWS) - self._blend[0], -most), most)
+        return float(self._blend[0])
+
+    def _led(self, x: Array, force: Array) -> Array:
+        """Velocity (d,) that leading adds; sets the force that it expects. A probe is a push: it expects to be resisted."""
+        a = float(self._blend[0])
+        if self._state == LEADS:
+            self._pace.step(x, force)
+            self._phase[0] = self._pace.phase
+            self._meant = min(self._meant + self._dt / self.policy.blend_s, 1.0)
+            self._reference[:] = self._meant * self._pace.velocity
+            self._expected[:] = self._meant * self._pace.expected - (1.0 - self._meant) * self._push * self._way
+            return self._reference
+        if self._state == PROBES:
+            self._expected[:] = -self._push * self._way
+            return self._nothing
+        keep = max(a - self._dt / self.policy.blend_s, 0.0) / a  # what was meant fades with the blend
+        self._expected *= keep
+        self._reference *= keep
+        return self._reference
+
+    def _take_over_if_nobody_leads(self, x: Array) -> None:
+        policy = self.policy
+        speed, pull = _length(self._velocity), _length(self._pull)
+        self._rest_s = self._rest_s + self._dt if speed < policy.resting_m_per_s and pull < policy.resting_n else 0.0
+        self._moved = self._moved or _length(x - self._start) > 0.02
+        if self._rest_s > 0.0 and not self._moved:  # nobody means what is felt before anybody has moved
+            self._bias += self._dt / BIAS_S * self._pull
+        patience = policy.midway_patience_s if self._moved else policy.start_patience_s
+        unfinished = float((self._end - x) @ self._way) > policy.finished_m
+        elsewhere = self._place is None or _length(x - self._place) > policy.probe_m
+        if self._rest_s >= patience and unfinished and elsewhere:
+            self._place = x.copy()
+            self._reached = self._push = self._meant = self._held_s = 0.0
+            self._begin(PROBES)
+
+    def _probe(self, x: Array) -> None:
+        """Pushes a little harder all the time, unless it is plain already that nothing gives."""
+        policy = self.policy
+        assert self._place is not None
+        far, along = float((x - self._place) @ self._way), float(self._pull @ self._way)
+        if far > policy.probe_m:
+            self._pace.start(self.reference.nearest(x), x)
+            self._begin(LEADS)
+            return
+        stands = far < 2.0 * policy.progress_m and along < -0.5 * policy.probe_n
+        if not stands:
+            self._push = min(self._push + policy.probe_n * self._dt / policy.blend_s, policy.probe_n)
+        self._rest_s += self._dt
+        stuck = False
+        if self._rest_s >= policy.probe_s + policy.blend_s:
+            stuck = far - self._reached < policy.progress_m
+            self._reached, self._rest_s = far, policy.blend_s
+        if self._answered(stands, policy.probe_s) or stuck or along > policy.ahead_n:
+            self._place = x.copy()
+            self._begin(FOLLOWS)
+
+    def _give_way_if_he_insists(self, x: Array) -> None:
+        """A will of his own: a pull ahead, resistance that neither speed nor the lessons explain, or a place that he keeps."""
+        policy, wanted = self.policy, self._pace.velocity
+        along, speed = float(self._pull @ wanted) / max(_length(wanted), 1e-3), _length(self._velocity)
+        pushed = -along > policy.insist_n + policy.insist_ns_per_m * speed
+        held = speed < policy.held_m_per_s and _length(self._pull) > policy.resting_n and self._meant >= 1.0
+        self._held_s = self._held_s + self._dt if held else 0.0
+        if self._answered(pushed or along > policy.ahead_n, policy.insist_s) or self._held_s >= policy.held_s:
+            self._place = x.copy()
+            self._begin(FOLLOWS)
+
+    def _answered(self, against: bool, after_s: float) -> bool:
+        self._against_s = self._against_s + self._dt if against else 0.0
+        return self._against_s >= after_s
+
+    def _begin(self, state: str) -> None:
+        self._state, self._rest_s, self._against_s = state, 0.0, 0.0
+
+
+def _length(vector: Array) -> float:
+    return sqrt(vector @ vector)
+
+
+def _between(follow: CollaborativeLaw, lead: CollaborativeLaw, share: float) -> CollaborativeLaw:
+    """The law of a robot that leads by `share`: every number on the straight line between the two."""
+    return CollaborativeLaw(
+        **{f.name: (1.0 - share) * getattr(follow, f.name) + share * getattr(lead, f.name) for f in fields(lead)}
+    )

@@ -1,0 +1,123 @@
+"""Who is tried: the laws of this package and the baselines of the field, by name, all within the same safety envelope."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from ..errors import ParameterError
+from ..interfaces import Skill
+from ..learned import LearnedSkill
+from ..reproduction import enveloped, make_auto, make_skill
+from ..skills.baselines import ActivePassive, Homotopy, MassDamper, MinimumJerkFollower, VariableDamping
+from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill
+from ..skills.reference import PhaseReference
+
+TUNED = {
+    "mass_kg": 6.0,
+    "damping_ns_per_m": 25.0,
+}  # best by success, then effort, of a grid on training partners (docs/results.md)
+
+
+def contestant(law: str, role: str, learned: Mapping[str, LearnedSkill], *, dt: float, envelope: bool = True) -> Skill:
+    """The skill that `law` stands for, told `role` ("auto": told nothing). A baseline takes from the lessons only where they end.
+
+    Raises ParameterError for a law that is unknown, or that cannot do without being told its role.
+    """
+    if law not in LAWS:
+        raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
+    return LAWS[law](role, learned, dt, envelope)
+
+
+def _own(law: str) -> Maker:
+    def make(role: str, learned: Mapping[str, LearnedSkill], dt: float, envelope: bool) -> Skill:
+        if role == "auto":
+            if law != "default":
+                raise ParameterError(f"law {law!r} has to be told its role; auto works with: default, {', '.join(_UNTOLD)}")
+            return make_auto(learned, axes=learned["leader"].axes, dt=dt, envelope=envelope)
+        one = learned[role]
+        return make_skill(one, axes=one.axes, dt=dt, law=law, role=role, envelope=envelope)
+
+    return make
+
+
+def _baseline(make: Callable[[str, Mapping[str, LearnedSkill], float], Skill]) -> Maker:
+    def enclosed(role: str, learned: Mapping[str, LearnedSkill], dt: float, envelope: bool) -> Skill:
+        skill = make(role, learned, dt)
+        return enveloped(skill, axes=_any(learned).axes, dt=dt) if envelope else skill
+
+    return enclosed
+
+
+def _any(learned: Mapping[str, LearnedSkill]) -> LearnedSkill:
+    return learned["leader"] if "leader" in learned else next(iter(learned.values()))
+
+
+def _mass_damper(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    return MassDamper(n_axes=len(_any(learned).axes), dt=dt, **TUNED)
+
+
+def _damping(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    return MassDamper(n_axes=len(_any(learned).axes), dt=dt, mass_kg=0.0, damping_ns_per_m=40.0)
+
+
+def _variable_damping(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    return VariableDamping(n_axes=len(_any(learned).axes), dt=dt)
+
+
+def _leading_by_minimum_jerk(learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    """From the lessons' start to their mean end in their usual time, with the compliance of the default law's leader."""
+    one = _any(learned)
+    assert one.clock is not None
+    return CollaborativeSkill(
+        one.model,
+        one.clock,
+        role="leader",
+        axes=one.axes,
+        dt=dt,
+        model_dt=one.dt,
+        law=CollaborativeLaw.for_role("leader", yield_gain_per_n=0.0),
+        reference=PhaseReference.minimum_jerk(PhaseReference.learned(one.clock, one.ends.mean(axis=0))),
+    )
+
+
+def _minimum_jerk(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    if role == "auto":
+        raise ParameterError(f"law 'minimum-jerk' has to be told its role; auto works with: default, {', '.join(_UNTOLD)}")
+    if role == "leader":
+        return _leading_by_minimum_jerk(learned, dt)
+    return MinimumJerkFollower(n_axes=len(_any(learned).axes), dt=dt)
+
+
+def _homotopy(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    return Homotopy(_leading_by_minimum_jerk(learned, dt), _mass_damper(role, learned, dt), n_axes=len(_any(learned).axes), dt=dt)
+
+
+def _active_passive(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    if not {"leader", "follower"} <= set(learned):
+        raise ParameterError("law 'active-passive' needs skills of both roles: it compares their lessons")
+    leader, follower = learned["leader"], learned["follower"]
+    assert leader.clock is not None
+    assert follower.clock is not None
+    return ActivePassive(
+        _leading_by_minimum_jerk(learned, dt),
+        _mass_damper(role, learned, dt),
+        passive=leader.clock,
+        active=follower.clock,
+        axis=leader.axes[0],
+        n_axes=len(leader.axes),
+        dt=dt,
+    )
+
+
+Maker = Callable[[str, Mapping[str, LearnedSkill], float, bool], Skill]
+_UNTOLD = ("mass-damper", "damping", "variable-damping", "homotopy", "active-passive")
+LAWS: dict[str, Maker] = {
+    "default": _own("default"),
+    "paper": _own("paper"),
+    "mass-damper": _baseline(_mass_damper),
+    "damping": _baseline(_damping),
+    "variable-damping": _baseline(_variable_damping),
+    "minimum-jerk": _baseline(_minimum_jerk),
+    "homotopy": _baseline(_homotopy),
+    "active-passive": _baseline(_active_passive),
+}

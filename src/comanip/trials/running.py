@@ -1,0 +1,120 @@
+"""The loop with one partner of a draw, and many of them at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from ..errors import ParameterError
+from ..interaction import TaringInteractionForce, gravity_along
+from ..interfaces import Partner, Plant, Skill
+from ..learned import LearnedSkill
+from ..loop import Clock, run
+from ..plants.beam import Beam, BeamPlant, WristSensor
+from ..recording import Recording
+from .cases import Case, partner_of
+from .contestants import contestant
+from .judging import FORCE_CUTOFF_HZ, Verdict, judge
+
+START_M = 0.85
+PLANTS = ("beam", "humanoid")
+MakePartner = Callable[[Case, np.random.Generator], Partner]
+
+
+def run_case(
+    case: Case,
+    skill: Skill,
+    *,
+    plant: str = "beam",
+    dt: float = 0.01,
+    start_m: float = START_M,
+    clock: Clock | None = None,
+    metadata: Mapping[str, Any] | None = None,
+    partner: MakePartner = partner_of,
+) -> Recording:
+    """The skill with this partner, from rest until some seconds after the partner means to stop (`Case.run_s`).
+
+    plant     "beam" (exact, fast) or "humanoid" (MuJoCo)
+    partner   makes the person from the case; default: the human models of `plants.partners`
+    """
+    rng = np.random.default_rng(case.seed)
+    world = _plant(plant, partner(case, rng), case, dt, start_m, rng)
+    estimator = TaringInteractionForce(dt, gravity=gravity_along(world.axes).tolist(), cutoff_hz=FORCE_CUTOFF_HZ)
+    about = {"role": case.role, "partner": asdict(case), "load_mass_kg": case.beam_mass_kg, "plant": plant, **(metadata or {})}
+    return run(world, skill, duration_s=case.run_s, estimator=estimator, clock=clock, metadata=about)
+
+
+def _plant(name: str, person: Partner, case: Case, dt: float, start_m: float, rng: np.random.Generator) -> Plant:
+    sensor = WristSensor(case.force_noise_n, case.force_bias_n, case.sensor_delay_s)
+    start = np.array([start_m])
+    if name == "beam":
+        return BeamPlant(person, beam=Beam(mass_kg=case.beam_mass_kg), sensor=sensor, start_position=start, dt=dt, rng=rng)
+    if name == "humanoid":
+        from ..plants.humanoid import HumanoidPlant
+
+        return HumanoidPlant(person, load_mass_kg=case.beam_mass_kg, sensor=sensor, start_position=start, dt=dt, rng=rng)
+    raise ParameterError(f"plant {name!r} is unknown; plants are: {', '.join(PLANTS)}")
+
+
+def run_cases(
+    cases: Sequence[Case],
+    learned: Mapping[str, LearnedSkill],
+    law: str,
+    *,
+    plant: str = "beam",
+    workers: int = 1,
+    dt: float = 0.01,
+    partner: MakePartner = partner_of,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Verdict]:
+    """One verdict a case, in order, by any number of processes (0: one a core): the same numbers for the same cases.
+
+    learned   skills by role; a case whose role is "auto" needs leader and follower
+    law       one of `contestants.LAWS`
+    """
+    from joblib import Parallel, cpu_count, delayed
+
+    n_jobs = cpu_count() if workers == 0 else workers
+    verdicts: list[Verdict] = []
+    results: Iterator[Verdict]
+    if n_jobs == 1:
+        results = (one_verdict(case, learned, law, plant, dt, partner) for case in cases)
+    else:
+        jobs = (delayed(one_verdict)(case, learned, law, plant, dt, partner) for case in cases)
+        results = Parallel(n_jobs=n_jobs, return_as="generator")(jobs)
+    for verdict in results:
+        verdicts.append(verdict)
+        if progress is not None:
+            progress(len(verdicts), len(cases))
+    return verdicts
+
+
+def one_verdict(
+    case: Case,
+    learned: Mapping[str, LearnedSkill],
+    law: str,
+    plant: str = "beam",
+    dt: float = 0.01,
+    partner: MakePartner = partner_of,
+) -> Verdict:
+    """Runs one case and judges it."""
+    return one_run(case, learned, law, plant, dt, partner)[1]
+
+
+def one_run(
+    case: Case,
+    learned: Mapping[str, LearnedSkill],
+    law: str,
+    plant: str = "beam",
+    dt: float = 0.01,
+    partner: MakePartner = partner_of,
+) -> tuple[Recording, Verdict]:
+    """The recording of one case, and the verdict on it."""
+    skill = contestant(law, case.role, learned, dt=dt)
+    with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
+        recording = run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law})
+        ends = learned["leader" if "leader" in learned else case.role].ends
+        return recording, judge(case, recording, taught_ends_m=ends)
