@@ -26,7 +26,7 @@ def test_a_lesson_with_another_force_refutes_figure_1(found):
     force = found.lesson["hand.true_force"]
     other = found.lesson.with_channels({"hand.true_force": replace(force, values=-force.values)})
     failed = [c.text for c in figure_1.claims(found._replace(lesson=other)) if not c.passed]
-    assert any("feels the force that the lesson felt" in text for text in failed)
+    assert any("feels the force that it feels there" in text for text in failed)
 
 
 def test_its_picture_is_drawn(found, tmp_path):
