@@ -120,7 +120,7 @@ def _set_stage(spec: Any) -> None:
     option.timestep = PHYSICS_STEP_S
     option.gravity = (0.0, 0.0, -STANDARD_GRAVITY)
     # Explicit in the servos' damping, on purpose. An implicit integrator moves with another acceleration than the force sensor
-    # reads: with these servos it overstates the load's inertia. Stable because damping * step < armature at every joint.
+    # reads: with these servos it overstates the load's inertia. Stable while damping * step < 2 armature at every joint.
     option.integrator = mj.mjtIntegrator.mjINT_EULER
     option.cone = mj.mjtCone.mjCONE_PYRAMIDAL
     # By default MuJoCo answers a bad state by starting over, silently in the middle of a run.
