@@ -35,6 +35,7 @@ _PUBLIC = {
     "Teleoperation": "comanip.skills.teleoperation",
     "Beam": "comanip.plants.beam",
     "BeamPlant": "comanip.plants.beam",
+    "HumanoidPlant": "comanip.plants.humanoid",
     "ReplayPlant": "comanip.plants.replay",
     "HumanLeader": "comanip.plants.partners",
     "HumanFollower": "comanip.plants.partners",

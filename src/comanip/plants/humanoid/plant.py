@@ -30,7 +30,7 @@ from .scene import (
 )
 from .servos import EVERY, PERIOD_S, ServoReferences
 from .simulator import mujoco
-from .stance import stand
+from .stance import resume, stand
 
 FALLEN_SHARE, FALLEN_COSINE = 0.85, 0.94  # of the base's height; of its upright axis (20 deg)
 LIMITS = ("range", "speed", "torque", "reach")
@@ -138,7 +138,7 @@ class HumanoidPlant:
 
     def reset(self) -> None:
         data = self._data
-        self._mj.mj_copyData(data, self.scene.model, self._stance.data)
+        resume(self.scene, data, self._stance)
         self._servos.reset(self._stance, self._start)
         data.ctrl[:] = self._servos.control
         self._mj.mj_forward(self.scene.model, data)

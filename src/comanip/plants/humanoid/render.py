@@ -30,6 +30,7 @@ from .simulator import mujoco
 Image = NDArray[np.uint8]  # (H, W, 3)
 
 FIELD_OF_VIEW_DEG = 24.0
+WITH_TEACHER = {"distance": 5.4, "look_at": (0.38, 0.0, 0.80)}  # the camera steps back
 PARTNER_STANDS_M = 0.40  # behind the far handle
 TEACHER_AT = np.array([-1.12, 0.32])  # [m]
 DESK_AT = np.array([-0.62, 0.32, 0.80])
@@ -52,8 +53,8 @@ class View:
         length_m: float = 0.8,
         azimuth: float = 101.0,
         elevation: float = -8.0,
-        distance: float = 5.6,
-        look_at: tuple[float, float, float] = (0.40, 0.0, 0.80),
+        distance: float = 4.9,
+        look_at: tuple[float, float, float] = (0.72, -0.05, 0.82),
     ) -> None:
         self._mj = mj = mujoco()
         self.robot = load_robot(robot)
@@ -61,6 +62,7 @@ class View:
         picture = self.scene.model.vis.global_
         picture.offwidth, picture.offheight = size
         picture.fovy = FIELD_OF_VIEW_DEG
+        self.scene.model.vis.quality.shadowsize = 4 * max(size)  # [px]; more is slower and looks the same
         self._data = mj.MjData(self.scene.model)
         self._gl, self._context = _off_screen(self.scene.model, size)
         self._drawing = mj.MjvScene(self.scene.model, maxgeom=2000)
@@ -118,17 +120,17 @@ class View:
 
 def picture(recording: Recording, *, at_s: float, teacher: bool = False, **view: Any) -> Image:
     """(H, W, 3) the moment `at_s` after the start of a run on the humanoid. `view`: see `View`."""
-    joints, base = _poses(recording, np.array([at_s]))
-    with View(_robot_of(recording, view), **view) as stage:
-        stage.frame(*(series[0] for series in _poses(recording, np.array([0.0]))), teacher=teacher)
-        return stage.frame(joints[0], base[0], teacher=teacher)
+    joints, base = _poses(recording, np.array([0.0, at_s]))
+    with _view_of(recording, teacher, view) as stage:
+        stage.frame(joints[0], base[0], teacher=teacher)  # the start says where people stand
+        return stage.frame(joints[1], base[1], teacher=teacher)
 
 
 def frames(recording: Recording, *, rate_hz: float = 25.0, teacher: bool = False, **view: Any) -> Iterator[Image]:
     """(H, W, 3) at `rate_hz`, from the start to the end of a run on the humanoid."""
     times = np.arange(0.0, recording.duration_s, 1.0 / rate_hz)
     joints, base = _poses(recording, times)
-    with View(_robot_of(recording, view), **view) as stage:
+    with _view_of(recording, teacher, view) as stage:
         for q, b in zip(joints, base, strict=True):
             yield stage.frame(q, b, teacher=teacher)
 
@@ -158,12 +160,13 @@ def _poses(recording: Recording, times: Array) -> tuple[Array, Array]:
     return joints.values[rows], base.values[rows]
 
 
-def _robot_of(recording: Recording, view: dict[str, Any]) -> str | Path | Robot:
+def _view_of(recording: Recording, teacher: bool, view: dict[str, Any]) -> View:
+    view = {**(WITH_TEACHER if teacher else {}), **view}
     robot = load_robot(view.pop("robot", "hrp2-class"))
     known = set(recording["robot.joints"].axes)
     if missing := [joint for joint in robot.arm if joint not in known]:
         raise ParameterError(f"the recording is not of {robot.name!r}: it has no joint {missing[0]!r}; pass robot=...")
-    return robot
+    return View(robot, **view)
 
 
 def _pillow() -> Any:
@@ -175,7 +178,7 @@ def _pillow() -> Any:
 
 def _write_gif(path: Path, images: Iterator[Image], rate_hz: float) -> None:
     pillow = _pillow()
-    pictures = [pillow.fromarray(image).quantize(128, dither=pillow.Dither.NONE) for image in images]
+    pictures = [pillow.fromarray(image).quantize(256, dither=pillow.Dither.NONE) for image in images]
     pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=round(1000.0 / rate_hz), loop=0)
 
 

@@ -69,8 +69,8 @@ def _read(robot: Robot) -> Any:
         for child in list(parent):
             if child.tag in ("visual", "collision", "geom", "mesh", "mimic"):  # mimic: each joint has a servo of its own here
                 parent.remove(child)
-    if root.tag == "robot":  # URDF: keep the bodies of fixed joints, their names are wanted
-        ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", fusestatic="false")
+    if root.tag == "robot":  # URDF: keep the bodies of fixed joints and what is only to be seen
+        ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", fusestatic="false", discardvisual="false")
     return spec_of.from_string(ElementTree.tostring(root, encoding="unicode"))
 
 
@@ -85,6 +85,7 @@ def _body(spec: Any, robot: Robot, name: str) -> Any:
 def _complete(spec: Any, robot: Robot) -> None:
     """Sites, soles and the free base that the description adds to its model."""
     mj = mujoco()
+    _body(spec, robot, robot.hand)
     for site in robot.sites:
         added = _body(spec, robot, site.body).add_site(name=site.name, pos=site.position)
         added.alt.type = mj.mjtOrientation.mjORIENTATION_XYAXES
@@ -96,6 +97,21 @@ def _complete(spec: Any, robot: Robot) -> None:
         )  # fmt: skip
     if robot.soles and not any(j.type == mj.mjtJoint.mjJNT_FREE for j in spec.joints):
         spec.worldbody.first_body().add_freejoint(name="base")
+    if not robot.geometry:
+        _show_bones(spec)
+
+
+def _show_bones(spec: Any) -> None:
+    """A robot without shapes is drawn as capsules from each body to the next."""
+    mj, light, dark = mujoco(), (0.90, 0.91, 0.93, 1.0), (0.13, 0.20, 0.36, 1.0)
+    look: dict[str, Any] = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": 1}
+    for body in list(spec.bodies):
+        length = float(np.linalg.norm(body.pos))
+        if body.name == "world" or body.parent.name == "world" or length < 0.02:  # asking the world for its parent can crash
+            continue
+        width = min(0.055, 0.012 + 0.15 * length)
+        body.parent.add_geom(type=mj.mjtGeom.mjGEOM_CAPSULE, fromto=(0, 0, 0, *body.pos), size=(width, 0, 0), rgba=light, **look)
+        body.add_geom(type=mj.mjtGeom.mjGEOM_SPHERE, size=(1.15 * width, 0, 0), rgba=dark, **look)
 
 
 def _set_stage(spec: Any) -> None:
@@ -104,7 +120,7 @@ def _set_stage(spec: Any) -> None:
     option.timestep = PHYSICS_STEP_S
     option.gravity = (0.0, 0.0, -STANDARD_GRAVITY)
     # Explicit in the servos' damping, on purpose. An implicit integrator moves with another acceleration than the force sensor
-    # reads: with these servos it overstates the load's inertia. Stable because damping * step < armature at every joint.
+    # reads: with these servos it overstates the load's inertia. Stable while damping * step < 2 armature at every joint.
     option.integrator = mj.mjtIntegrator.mjINT_EULER
     option.cone = mj.mjtCone.mjCONE_PYRAMIDAL
     # By default MuJoCo answers a bad state by starting over, silently in the middle of a run.
@@ -118,7 +134,6 @@ def _set_stage(spec: Any) -> None:
     _sun(world.add_light(dir=(-0.6, 0.8, -0.5), diffuse=(0.14, 0.15, 0.17), specular=(0, 0, 0), castshadow=False))
     light = spec.visual.headlight
     light.ambient, light.diffuse, light.specular = (0.42, 0.42, 0.43), (0.16, 0.16, 0.16), (0.03, 0.03, 0.03)
-    spec.visual.quality.shadowsize = 4096
     spec.visual.rgba.haze = (0.87, 0.90, 0.93, 1.0)
 
 
@@ -157,7 +172,8 @@ def _give_beam(spec: Any, robot: Robot, mass: float, length: float) -> None:
     rod = mass - FAR_HANDLE_KG
     centre = (length / 2.0, 0.0, 0.0)
     inertia = rod * length**2 / 12.0
-    beam = grasp.parent.add_body(name="beam", pos=grasp.pos, quat=_quaternion(grasp))
+    at = spec.copy().compile().site(robot.grasp)  # resolved, however the model file wrote its orientation
+    beam = grasp.parent.add_body(name="beam", pos=at.pos, quat=at.quat)
     beam.explicitinertial = True
     beam.mass, beam.ipos, beam.inertia = rod, centre, (1e-3 * inertia, inertia, inertia)
     far = beam.add_body(name="far handle", pos=(length, 0.0, 0.0))
@@ -174,15 +190,6 @@ def _give_beam(spec: Any, robot: Robot, mass: float, length: float) -> None:
         for side in (-0.052, 0.052):
             rail = (end, side, 0, end + 0.12 * inward, side, 0)
             beam.add_geom(type=cylinder, fromto=rail, size=(0.010, 0, 0), rgba=metal, **shape)
-
-
-def _quaternion(site: Any) -> Any:
-    """(4,) of a site, however its model file wrote its orientation."""
-    mj = mujoco()
-    if site.alt.type == mj.mjtOrientation.mjORIENTATION_QUAT:
-        return site.quat
-    compiler = site.compiler
-    return mj.MjSpec.resolve_orientation(degree=compiler.degree, sequence=compiler.eulerseq, orientation=site.alt)
 
 
 def _hinges(spec: Any, robot: Robot) -> tuple[str, ...]:

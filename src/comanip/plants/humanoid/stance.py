@@ -20,7 +20,7 @@ PASSES, PASS_S = 4, 0.25
 class Stance(NamedTuple):
     """The simulator's state at rest, and what the servos need to hold it."""
 
-    data: Any
+    state: Array  # of the whole simulation, see `resume`
     base: Array  # (7,) where the base stands, as the inverse kinematics sees it
     offset: Array  # (J,) what must be added to the servos' references to carry the weight [rad]
     height: float  # of the base [m]
@@ -50,7 +50,17 @@ def stand(scene: Scene, robot: Robot, ik: InverseKinematics, *, start: Array, lo
     model.dof_damping[:] = own
     base = _hold(scene, ik, data, start, offset)
     data.qvel[:] = 0.0
-    return Stance(data, base, offset, float(data.qpos[2]))
+    kind = mj.mjtState.mjSTATE_INTEGRATION
+    state = np.zeros(mj.mj_stateSize(model, kind))
+    mj.mj_getState(model, data, state, kind)
+    return Stance(state, base, offset, float(data.qpos[2]))
+
+
+def resume(scene: Scene, data: Any, stance: Stance) -> None:
+    """Puts the simulation back to the stance, with every count at zero."""
+    mj = mujoco()
+    mj.mj_resetData(scene.model, data)
+    mj.mj_setState(scene.model, data, stance.state, mj.mjtState.mjSTATE_INTEGRATION)
 
 
 def _hold(scene: Scene, ik: InverseKinematics, data: Any, start: Array, offset: Array) -> Array:
