@@ -128,7 +128,7 @@ class RolePolicy:
     midway_patience_s: float = 2.0  # at rest short of where lessons ended: so long is a pause, longer is handing over
     resting_m_per_s: float = 0.02
     resting_n: float = 1.2
-    finished_m: float = 0.03  # nearer to the shortest lesson's end, or beyond it, the task is done
+    finished_m: float = 0.02  # nearer to the shortest lesson's end, or beyond it, the task is done
     probe_n: float = 1.8  # taking over begins with a push of no more than this,
     probe_m: float = 0.05  # and is meant from here on: who gives way so far does not hold on to his place
     probe_s: float = 0.6  # in so long a push moves something,
@@ -218,7 +218,7 @@ class RoleSkill:
         for array in (self._velocity, self._expected, self._reference, self._pull, self._bias, self._blend, self._phase):
             array[:] = 0.0
         self._state, self._moved = (LEADS if self._told_to_lead else FOLLOWS), False
-        self._gives = False
+        self._gives, self._answers = False, 0
         self._place: Array | None = None  # where an offer was begun, or answered
         self._rest_s = self._against_s = self._held_s = self._reached = self._push = 0.0
         self._outside = outside_taught(self.reference, self._position)
@@ -278,9 +278,12 @@ class RoleSkill:
         if self._rest_s > 0.0 and not self._moved:  # nobody means what is felt before anybody has moved
             self._bias += self._dt / BIAS_S * self._pull
         patience = policy.midway_patience_s if self._moved else policy.start_patience_s
+        if self._place is not None and _length(x - self._place) <= policy.probe_m:
+            patience *= 2.0**self._answers  # he kept this place when asked: asked again, but later and later
         unfinished = float((self._end - x) @ self._way) > policy.finished_m
-        elsewhere = self._place is None or _length(x - self._place) > policy.probe_m
-        if self._rest_s >= patience and unfinished and elsewhere:
+        if self._rest_s >= patience and unfinished:
+            if self._place is None or _length(x - self._place) > policy.probe_m:
+                self._answers = 0
             self._place = x.copy()
             self._reached = self._push = self._meant = self._held_s = 0.0
             self._gives = False
@@ -306,6 +309,7 @@ class RoleSkill:
             self._reached, self._rest_s = far, policy.blend_s
         if self._answered(stands, policy.probe_s) or stuck or along > policy.ahead_n:
             self._place = x.copy()
+            self._answers += 1
             self._begin(FOLLOWS)
 
     def _give_way_if_he_insists(self, x: Array) -> None:

@@ -5,7 +5,7 @@ The distribution is stated here once, and used by `comanip demo`, `comanip trial
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, log, sqrt
 from typing import Any
 
@@ -124,7 +124,7 @@ def draw_case(role: str, rng: np.random.Generator, *, misbehaving: float = 0.0) 
     stiffness = exp(rng.uniform(log(60.0), log(600.0)))
     ratio, yielding, delay = rng.uniform(0.3, 0.8), rng.uniform(15.0, 60.0), rng.uniform(0.10, 0.25)
     if not leads:
-        stiffness = min(stiffness, 0.9 * yielding / (delay + 0.13))
+        stiffness = min(stiffness, _steady_stiffness(yielding, delay))
     steady: dict[str, Any] = {
         "lift_m": rng.uniform(0.15, 0.38),
         "duration_s": rng.uniform(1.6, 4.0),
@@ -151,16 +151,22 @@ def draw_case(role: str, rng: np.random.Generator, *, misbehaving: float = 0.0) 
     )
 
 
+def _steady_stiffness(yielding_ns_per_m: float, delay_s: float) -> float:
+    """Up to this stiffness [N/m] somebody who follows can hold a rail without shaking."""
+    return 0.9 * yielding_ns_per_m / (delay_s + 0.13)
+
+
 def partner_of(case: Case, rng: np.random.Generator) -> Partner:
     """The person of the case; `rng` is what makes him unsteady."""
     arm = Arm(case.stiffness_n_per_m, case.damping_ns_per_m, case.carried_n, Unsteadiness(tremor_n=case.tremor_n))
+    softer = replace(arm, stiffness_n_per_m=min(case.stiffness_n_per_m, _steady_stiffness(case.yielding_ns_per_m, case.delay_s)))
     share = 0.5 * case.beam_mass_kg
 
     def leading(*legs: tuple[float, float, float]) -> Partner:
         return HumanLeader(Legs(legs, feedforward_kg=share), arm, rng=rng)
 
     def following(*_: Array) -> Partner:
-        return HumanFollower(Yielding(damping_ns_per_m=case.yielding_ns_per_m, delay_s=case.delay_s), arm, rng=rng)
+        return HumanFollower(Yielding(damping_ns_per_m=case.yielding_ns_per_m, delay_s=case.delay_s), softer, rng=rng)
 
     def insisting(start: Array, position: Array) -> Partner:
         target = 0.0 if case.behaviour == "reverses" else case.lift_m

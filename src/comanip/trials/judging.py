@@ -184,7 +184,7 @@ def _failures(
     moved = np.flatnonzero(np.abs(x - start_m) > 0.01)
     if bound.waits and (t[moved] < case.onset_s).any():
         failures.append("moved before the partner")
-    if not len(moved) or t[moved[0]] > bound.starts_by_s:
+    if bound.starts_by_s < inf and (not len(moved) or t[moved[0]] > bound.starts_by_s):
         failures.append("did not start in time")
     if abs(verdict.end_error_m) > bound.end_m:
         failures.append(f"missed the {bound.goal.replace('taught', 'taught height').replace(chr(39) + 's', chr(39) + 's goal')}")
