@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from comanip.experiments.stability_map import both_hold, ripple
 
 from comanip.devices.link import Link, Network
-from comanip.devices.phantom import HeldHandle, phantom
-from comanip.devices.teacher import Teacher, TeacherHand
-from comanip.interfaces import STANDARD_GRAVITY
 from comanip.loop import run
-from comanip.plants.beam import BeamPlant, WristSensor
-from comanip.plants.partners import Arm, HumanLeader, Plan, Unsteadiness
-from comanip.skills.passivity import Passive
-from comanip.skills.teleoperation import CouplingLimits, Teleoperation
+from comanip.skills.teleoperation import Teleoperation
 
-GRIPS = {"light": TeacherHand(0.15, 40.0, 2.0), "normal": TeacherHand(0.5, 100.0, 8.0), "stiff": TeacherHand(0.8, 300.0, 20.0)}
+__all__ = ["FreeHand", "Scripted", "both_hold", "driven", "over", "pulse", "ripple"]
 
 
 class Scripted:
@@ -81,36 +76,3 @@ def driven(device, *, plant=None, duration=3.0, taps=(), **options):
 def pulse(start, end, speed):
     """A velocity of `speed` between two times [s]."""
     return lambda t: speed if start <= t < end else 0.0
-
-
-class Nudged(HumanLeader):
-    """A partner who only holds, and is nudged by 2 N for a tenth of a second."""
-
-    def __init__(self, stiffness, damping, rng):
-        steady = Unsteadiness(0.0, 0.0, 0.08, 0.0)
-        super().__init__(Plan(lift_m=0.0), Arm(stiffness, damping, unsteadiness=steady), rng=rng)
-
-    def force(self, time, position, velocity, out):
-        super().force(time, position, velocity, out)
-        if 0.2 <= time < 0.3:
-            out += 2.0
-
-
-def both_hold(gain, delay_s, grip="normal", *, passive=False, stiffness=150.0, damping=22.0, duration=5.0, limits=None):
-    """Partner and teacher hold still after one nudge, over a delay of half `delay_s` each way; a Recording.
-
-    Without `limits` the gain is rendered as it is, whatever the delay.
-    """
-    limits = limits or CouplingLimits(full_feedback_s=9.0, no_feedback_s=10.0)
-    rng = np.random.default_rng(0)
-    plant = BeamPlant(Nudged(stiffness, damping, rng), dt=0.001, sensor=WristSensor(0.05, 0.0, 0.005), rng=rng)
-    static = np.array([-gain * limits.feedback(delay_s) * STANDARD_GRAVITY])
-    device = HeldHandle(Teacher(hand=GRIPS[grip], static_force=static, unsteady_n=0.0, rng=rng), phantom())
-    link = over(Passive(device) if passive else device, Network(0.5 * delay_s, 0.5 * delay_s))
-    return run(plant, Teleoperation(link, n_axes=1, dt=0.001, force_gain=gain, limits=limits), duration_s=duration)
-
-
-def ripple(recording, last_s=1.5):
-    """Rms speed of the hand [m/s] at the end."""
-    v = recording["hand.velocity"].values[:, 0]
-    return float(np.sqrt((v[-round(last_s / recording.metadata["dt_s"]) :] ** 2).mean()))

@@ -14,7 +14,7 @@ from comanip.humans import Intent, Plan, Yielding
 from comanip.plants.beam import Beam, BeamPlant
 from comanip.teaching import DYADS, ROLES, SCENARIOS, teach
 
-N = 8  # lessons a scenario; all 200 a role were looked at once (docs/physics.md)
+N = 6  # lessons a scenario; all 200 a role were looked at once (docs/physics.md)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def test_all_lessons_arrive_and_end_at_rest(taught):
 @pytest.mark.parametrize("name", ["b", "c"])
 def test_other_dyads_show_the_same_signs_by_other_means(name, taught):
     for role, sign in (("leader", -1.0), ("follower", 1.0)):
-        lessons = teach(role, 3, rng=np.random.default_rng(1), habits=DYADS[name])
+        lessons = teach(role, 2, rng=np.random.default_rng(1), habits=DYADS[name])
         assert min(sign * first_third(x) for x in lessons) > 0.0
         others = [x.duration_s for x in taught[role]]
         assert abs(np.mean([x.duration_s for x in lessons]) - np.mean(others)) > 0.2
@@ -89,6 +89,7 @@ def test_lessons_hold_raw_and_compensated_force_commanded_and_applied(taught):
             *("hand.sensor_force", "hand.position", "command.velocity", "partner.force", "partner.position", "beam.tilt"),
             *("device.velocity", "device.position", "device.force", "device.applied", "device.clutch"),
         } <= set(lesson.channels)
+        assert [lesson[f"device.{n}"].unit for n in ("position", "velocity", "force", "applied")] == ["m", "m/s", "N", "N"]
 
 
 def test_a_plant_of_ones_own_is_taught_on():
@@ -158,3 +159,16 @@ def test_impossible_habits_are_named():
         Plan(duration_s=0.0)
     with pytest.raises(ParameterError, match="lag_s must be positive"):
         Yielding(lag_s=0.0)
+
+
+def test_each_lesson_can_be_stored_before_the_next_begins():
+    kept = []
+
+    def keep(number, lesson):
+        kept.append((number, lesson.metadata["lesson"]))
+        if number == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        teach("leader", 3, rng=np.random.default_rng(0), keep=keep)
+    assert kept == [(0, 0), (1, 1)]

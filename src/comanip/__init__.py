@@ -12,6 +12,7 @@ _PUBLIC = {
     "read": "comanip.formats",
     "write": "comanip.formats",
     "Columns": "comanip.formats.columns",
+    "LiveFile": "comanip.formats.live",
     "Demonstration": "comanip.demonstration",
     "demonstrations": "comanip.demonstration",
     "interaction_force": "comanip.interaction",

@@ -72,6 +72,21 @@ def _collection_off() -> Iterator[None]:
             gc.enable()
 
 
+@contextmanager
+def _watched(taps: Sequence[Tap], recorder: Recorder) -> Iterator[None]:
+    """Taps that want the whole row, not only what the skill sees, have `begin(recorder)` and `end()`."""
+    begun = []
+    try:
+        for tap in taps:
+            if hasattr(tap, "begin"):
+                tap.begin(recorder)
+                begun.append(tap)
+        yield
+    finally:
+        for tap in begun:
+            tap.end()  # type: ignore[attr-defined]
+
+
 def run(
     plant: Plant,
     skill: Skill,
@@ -103,7 +118,7 @@ def run(
     observed = tuple(name for name in _OBSERVED if not np.isnan(getattr(obs, name)).all())  # what this plant measures
     recorder = Recorder(_layout(plant, skill, observed))
     reason, late = "duration", 0.0
-    with _collection_off():
+    with _watched(taps, recorder), _collection_off():
         clock.start(plant.dt)
         try:
             for _ in range(max(1, round(duration_s / plant.dt))):
@@ -137,7 +152,7 @@ def _layout(plant: Plant, skill: Skill, observed: Sequence[str]) -> dict[str, tu
     for name, array in skill.diagnostics.items():
         n = array.size
         names = axes if n == d else tuple(str(i) for i in range(n))
-        layout[name if "." in name else f"skill.{name}"] = (n, "", names)
+        layout[name if "." in name else f"skill.{name}"] = (n, getattr(skill, "units", {}).get(name, ""), names)
     layout["loop.late"] = (1, "s", ("t",))
     return layout
 

@@ -100,16 +100,20 @@ class Recorder:
 
     def __init__(self, layout: Mapping[str, tuple[int, str, tuple[str, ...]]], frame: str = "task") -> None:
         """`layout`: channel name -> (number of columns, unit, axis names)."""
-        self._layout = dict(layout)
-        self._frame = frame
+        self.layout, self.frame = dict(layout), frame
         self._offsets: dict[str, slice] = {}
         width = 1
-        for name, (columns, _, _) in self._layout.items():
+        for name, (columns, _, _) in self.layout.items():
             self._offsets[name] = slice(width, width + columns)
             width += columns
         self._rows = np.empty((1024, width))
         self._row = self._rows[0]
         self._count = 0
+
+    @property
+    def row(self) -> Array:
+        """The latest row: time, then the channels in the order of `layout`. Do not keep it: copy it."""
+        return self._row
 
     def start_row(self, time: float) -> None:
         if self._count == len(self._rows):
@@ -124,8 +128,8 @@ class Recorder:
     def recording(self, metadata: Mapping[str, Any]) -> Recording:
         rows = self._rows[: self._count]
         channels = {
-            name: Channel(rows[:, 0], rows[:, self._offsets[name]], unit, self._frame, axes)
-            for name, (_, unit, axes) in self._layout.items()
+            name: Channel(rows[:, 0], rows[:, self._offsets[name]], unit, self.frame, axes)
+            for name, (_, unit, axes) in self.layout.items()
         }
         return Recording(channels, metadata)
 

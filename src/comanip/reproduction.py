@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from .errors import ParameterError
+from .errors import MismatchError, ParameterError
 from .interfaces import Skill
 from .learned import LearnedSkill, check_fits
 
 if TYPE_CHECKING:
+    from .skills.collaborate import CollaborativeLaw
     from .skills.envelope import Limits
     from .skills.roles import RolePolicy
 
@@ -49,27 +50,37 @@ def make_auto(
     policy    when it takes over and gives way; see `skills.roles.RolePolicy`
     """
     from .skills.collaborate import CollaborativeLaw
-    from .skills.reference import PhaseReference
-    from .skills.roles import AutoSkill, RoleEvidence, RolePolicy
+    from .skills.roles import RoleEvidence
 
     if missing := [role for role in ("leader", "follower") if role not in learned]:
         raise ParameterError(f"role 'auto' needs skills of both roles; missing: {', '.join(missing)}")
     for one in learned.values():
         check_fits(one, axes=axes, dt=dt)
-    leader = learned["leader"]
-    if leader.clock is None:
-        raise ParameterError("role 'auto' needs a leader with states in order of time: learn with topology left-right")
-    skill = AutoSkill(
-        RoleEvidence({role: learned[role].model for role in ("leader", "follower", "natural") if role in learned}, dt=leader.dt),
-        PhaseReference.learned(leader.clock, leader.ends.mean(axis=0)),
-        leader.ends,
-        leading=CollaborativeLaw.for_role("leader"),
+    models = {role: learned[role].model for role in ("leader", "follower", "natural") if role in learned}
+    evidence = RoleEvidence(models, dt=learned["leader"].dt)
+    skill = _role_skill(learned["leader"], CollaborativeLaw.for_role("leader"), axes, dt, evidence=evidence, policy=policy)
+    return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=None if envelope is True else envelope)
+
+
+def _role_skill(learned: LearnedSkill, law: CollaborativeLaw, axes: tuple[str, ...], dt: float, **about: Any) -> Skill:
+    from .skills.collaborate import CollaborativeLaw, Watch
+    from .skills.reference import PhaseReference
+    from .skills.roles import RolePolicy, RoleSkill
+
+    if learned.clock is None:
+        raise MismatchError("leading needs states in order of time: learn with topology left-right")
+    policy = about.pop("policy", None) or RolePolicy()
+    return RoleSkill(
+        Watch(learned.model, learned.dt, dt),
+        PhaseReference.learned(learned.clock, learned.ends.mean(axis=0)),
+        learned.ends,
+        leading=law,
         following=CollaborativeLaw.for_role("follower"),
         axes=axes,
         dt=dt,
-        policy=policy or RolePolicy(),
+        policy=policy,
+        **about,
     )
-    return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=None if envelope is True else envelope)
 
 
 def enveloped(skill: Skill, *, axes: tuple[str, ...], dt: float, limits: Limits | None = None) -> Skill:
@@ -94,6 +105,8 @@ def _law(
     from .skills.collaborate import CollaborativeLaw, CollaborativeSkill
 
     role = role or learned.role
+    if role == "leader":
+        return _role_skill(learned, CollaborativeLaw.for_role(role, **settings), axes, dt, leads=True)
     return CollaborativeSkill(
         learned.model,
         learned.clock,

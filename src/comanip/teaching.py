@@ -147,11 +147,13 @@ def teach(
     coupling: Coupling = Coupling(),
     plant: str | MakesPlant = "beam",
     progress: Callable[[int, int], None] | None = None,
+    keep: Callable[[int, Recording], None] | None = None,
 ) -> list[Recording]:
     """`lessons` Recordings of the robot in `role` ("leader", "follower", or "natural"), at the device's 1 kHz, vertical axis.
 
     habits   the dyad, for example DYADS["b"]
     plant    "beam", "humanoid" (needs mujoco), or your own maker of a `Plant`, called as MakesPlant says
+    keep     called with number and Recording as soon as a lesson is over, to store it: a crash then loses one lesson, not all
 
     The recordings hold device, hand, object and partner: the raw sensor force (hand.sensor_force) and what eq. (3) makes of it
     (hand.compensated_force, zero-phase below 10 Hz, for looking at; demonstrations compute their own), what was commanded
@@ -164,6 +166,8 @@ def teach(
     recordings = []
     for number in range(lessons):
         recordings.append(_lesson(role, number, rng, habits, beam, sensor, coupling, make))
+        if keep is not None:
+            keep(number, recordings[-1])
         if progress is not None:
             progress(number + 1, lessons)
     return recordings

@@ -310,7 +310,7 @@ def test_C17_another_skill_comes_in_without_a_step_and_fades():
         assert bench.envelope.change_skill(other, bench.obs) == ""
         speeds = [bench.command.velocity[0], *bench.ticks(60)]
         assert np.abs(np.diff(speeds)).max() <= A * DT + 1e-12
-        assert speeds[1 + 25] == pytest.approx(0.5 * -0.3 + 0.5 * 4.0 / 80.0, abs=0.01)
+        assert speeds[1 + 25] == pytest.approx(0.5 * -0.3 + 0.5 * 4.0 / ROOM.comply_damping_ns_per_m, abs=0.01)
         assert speeds[-1] == -0.3
         assert other.resets == 1
         assert set(bench.envelope.diagnostics) == {"asked", "mode", "tank", "confidence"}
@@ -464,7 +464,7 @@ def test_doubt_complies_at_once_and_trust_returns_in_half_a_second():
     bench = moving(tells=lambda obs: trust[0])
     trust[0] = np.nan
     bench.ticks(10, 0.2, 4.0)
-    assert bench.command.velocity[0] == pytest.approx(4.0 / 80.0)
+    assert bench.command.velocity[0] == pytest.approx(4.0 / ROOM.comply_damping_ns_per_m)
     assert bench.envelope.notice == "COMPLY: unlike what was taught"
     trust[0] = 1.0
     speeds = bench.ticks(50)

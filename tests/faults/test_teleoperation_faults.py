@@ -7,6 +7,7 @@ from math import inf, nan
 
 import numpy as np
 import pytest
+from comanip.experiments.stability_map import SLIPPERY
 
 from comanip.demonstration import demonstrations
 from comanip.devices.link import Network
@@ -125,11 +126,13 @@ def test_o3_a_jump_of_the_handle_is_no_jump_of_the_arm(spike):
 @pytest.mark.parametrize("delay_s", [0.0, 0.01, 0.02, 0.05, 0.1, 0.2])
 def test_o4_stable_at_every_delay_with_the_gain_reduced_and_shown(delay_s):
     for stiffness, damping in ((20.0, 8.0), (100.0, 18.0), (500.0, 35.0)):
-        run = both_hold(0.15, delay_s, stiffness=stiffness, damping=damping, duration=2.5, limits=CouplingLimits())
+        run = both_hold(
+            0.15, delay_s, stiffness=stiffness, damping=damping, duration=2.5, limits=CouplingLimits(), handle=SLIPPERY
+        )
         assert ripple(run, 0.5) < 0.01
         assert not hold(run).any()
         share = CouplingLimits().feedback(delay_s)
-        assert (np.abs(run["hand.velocity"].values).max() > 1e-3) == (share > 0.0)  # it was disturbed, where force comes back
+        assert (np.abs(run["hand.velocity"].values).max() > 1e-4) == (share > 0.0)  # it was disturbed, where force comes back
     assert run["coupling.gain"].values[-1, 0] == pytest.approx(share)
     assert run["device.delay"].values[-1, 0] == pytest.approx(delay_s, abs=0.0015)  # measured
     if share == 0.0:
@@ -140,8 +143,7 @@ def test_o4_stable_at_every_delay_with_the_gain_reduced_and_shown(delay_s):
 
 
 def test_o4_without_the_reduction_some_of_these_shake():
-    free = CouplingLimits(full_feedback_s=9.0, no_feedback_s=10.0)
-    assert ripple(both_hold(0.15, 0.1, "light", stiffness=500.0, damping=35.0, duration=2.5, limits=free), 0.5) > 0.05
+    assert ripple(both_hold(0.15, 0.1, "light", stiffness=500.0, damping=35.0, duration=2.5), 0.5) > 0.05
 
 
 LIFT = pulse(0.5, 1.5, 0.2)

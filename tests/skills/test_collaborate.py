@@ -38,7 +38,8 @@ def test_compliance_is_passive_a_lifting_partner_never_lowers_the_hand(skills, r
     for force in (1.0, 5.0, 20.0):
         speeds = []
         for pull in (0.0, force):
-            skill, obs, command = make_skill(skills[role], axes=("z",), dt=0.01), Observation(1), Command(1)
+            skill = make_skill(skills[role], axes=("z",), dt=0.01, envelope=False)
+            obs, command = Observation(1), Command(1)
             obs.position[:], obs.velocity[:], obs.force[:] = 0.85, 0.0, 0.0
             skill.reset(obs)
             obs.force[:] = pull

@@ -44,16 +44,25 @@ def teach(
 ) -> None:
     network = Network(0.0005 * delay_ms, 0.0005 * delay_ms) if delay_ms else None
     coupling = replace(PHANTOM if device == "phantom" else Coupling(), network=network, passivity=passivity)
+    files = [out / f"{role}_{n + 1}.mcap" for n in range(lessons)]
+    out.mkdir(parents=True, exist_ok=True)
+
+    def keep(number: int, recording: Recording) -> None:
+        write(recording.with_metadata(seed=seed, plant=plant, dyad=dyad), files[number])
+
     with progress(f"lessons as {role}") as report:
         recordings = record_lessons(
-            role, lessons, rng=np.random.default_rng(seed), habits=DYADS[dyad], coupling=coupling, plant=plant, progress=report
+            role,
+            lessons,
+            rng=np.random.default_rng(seed),
+            habits=DYADS[dyad],
+            coupling=coupling,
+            plant=plant,
+            progress=report,
+            keep=keep,
         )
     for said in sorted({str(r.metadata[k]) for r in recordings for k in ("incomplete", "notice") if k in r.metadata}):
         warnings.warn(said, ComanipWarning, stacklevel=2)
-    files = [out / f"{role}_{n + 1}.mcap" for n in range(len(recordings))]
-    out.mkdir(parents=True, exist_ok=True)
-    for recording, file in zip(recordings, files, strict=True):
-        write(recording.with_metadata(seed=seed, plant=plant, dyad=dyad), file)
     if json:
         print_json({"role": role, "files": [str(f) for f in files]})
         return

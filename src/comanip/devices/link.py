@@ -135,6 +135,8 @@ class Link:
             self._channels[name][0][:] = array
 
     def write(self, force: Array, duration: float, power: float = 0.0) -> None:
+        if self._period == 0.0:  # both ends begin with the force at rest: that much they have agreed upon before
+            self._rendered[:] = force
         self._period = duration
         self._energy += power * duration  # the whole account travels, so that a lost packet loses none of it
         if self._off():

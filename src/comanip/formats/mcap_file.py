@@ -37,8 +37,8 @@ def write_mcap(recording: Recording, path: Path) -> None:
         with part.open("wb") as out:
             writer = Writer(out, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True)
             writer.start(profile="ros2", library="comanip")
-            writer.add_metadata(RECORD, _summary(path, recording, shift))
-            ids = _register(writer, channels)
+            writer.add_metadata(RECORD, summary(path, recording, shift))
+            ids = register(writer, channels)
             messages = {n: cdr.encode(c, stamps[n]) for n, c in channels.items()}
             for name, i in _in_time(stamps):
                 ns = stamps[name][i]
@@ -63,7 +63,8 @@ def _nanoseconds(path: Path, recording: Recording) -> tuple[dict[str, list[int]]
     return {n: [ns - shift for ns in s] for n, s in stamps.items()}, shift
 
 
-def _summary(path: Path, recording: Recording, shift: int) -> dict[str, str]:
+def summary(path: Path, recording: Recording, shift: int) -> dict[str, str]:
+    """The metadata record: layout, clock and the recording's own metadata as JSON, with a checksum."""
     layout = {n: [c.unit, c.frame, list(c.axes), len(c.time)] for n, c in recording.channels.items()}
     ends = [[float(c.time[0]), float(c.time[-1])] for c in recording.channels.values() if len(c.time)]
     try:
@@ -83,7 +84,8 @@ def _digest(texts: dict[str, str]) -> str:
     return hashlib.sha256("\0".join(f"{k}={texts[k]}" for k in sorted(texts) if k != "sha256").encode()).hexdigest()
 
 
-def _register(writer: Any, channels: Any) -> dict[str, int]:
+def register(writer: Any, channels: Any) -> dict[str, int]:
+    """Announces schemas and topics; the writer's channel ids by name."""
     schemas: dict[str, int] = {}
     topics: set[str] = set()
     ids = {}
@@ -97,6 +99,16 @@ def _register(writer: Any, channels: Any) -> dict[str, int]:
         meta = {RECORD: json.dumps([name, channel.unit, channel.frame, list(channel.axes)]), "offered_qos_profiles": ""}
         ids[name] = writer.register_channel(topic, "cdr", schemas[schema], meta)
     return ids
+
+
+def add(writer: Any, ids: dict[str, int], channels: Any, counts: dict[str, int]) -> None:
+    """Appends channels of one common clock, frame by frame; `counts` are the frames written so far, and are brought up."""
+    stamps = {name: [round(t * 1e9) for t in channel.time.tolist()] for name, channel in channels.items()}
+    messages = {name: cdr.encode(channel, stamps[name]) for name, channel in channels.items()}
+    for i in range(min(map(len, stamps.values()), default=0)):
+        for name, ns in stamps.items():
+            writer.add_message(ids[name], log_time=ns[i], publish_time=ns[i], sequence=counts[name], data=messages[name][i])
+            counts[name] += 1
 
 
 def _in_time(stamps: dict[str, list[int]]) -> list[tuple[str, int]]:

@@ -153,6 +153,28 @@ class Pace:
         return error * min(1.0, self._top_speed / length) if length > 1e-9 else error
 
 
+class Watch:
+    """Eq. (4) from position and force on the model's own clock: which state of the task this is. `weights` (K,)."""
+
+    def __init__(self, model: Hmm, model_dt: float, dt: float) -> None:
+        groups = [g for g in ("position", "force") if any(c.startswith(g + ".") for c in model.channels)]
+        self._filter = ForwardFilter(model, groups)
+        self._dt, self._model_dt = dt, model_dt
+        self.weights = np.zeros(model.n_states)
+        self.reset()
+
+    def reset(self) -> None:
+        self._filter.reset()
+        self._until = 0.0
+        self.weights[:] = self._filter.weights
+
+    def step(self, x: Array, force: Array) -> None:
+        while self._until <= 1e-9:
+            self._until += self._model_dt
+            self.weights[:] = self._filter.step(np.concatenate([x, force])[: len(self._filter.channels)])
+        self._until -= self._dt
+
+
 class CollaborativeSkill:
     """Carries an object with a partner, as leader or as follower, from what lessons of that role taught.
 
@@ -183,11 +205,8 @@ class CollaborativeSkill:
             raise MismatchError("the default law needs states in order of time: learn with topology left-right")
         self.role, self.law = role, law or CollaborativeLaw.for_role(role)
         self.reference = reference or PhaseReference.learned(clock, end)
-        self._dt, self._model_dt = dt, model_dt
-        d = len(axes)
-        wanted = [g for g in ("position", "force") if any(c.startswith(g + ".") for c in model.channels)]
-        self._filter = ForwardFilter(model, wanted)
-        self._h = np.zeros(model.n_states)
+        self._dt, d = dt, len(axes)
+        self._watch = Watch(model, model_dt, dt)
         self._nothing = np.zeros(d)
         self._nothing.setflags(write=False)
         self._compliance = Compliance(d, dt)
@@ -198,7 +217,7 @@ class CollaborativeSkill:
     @property
     def diagnostics(self) -> Mapping[str, Array]:
         return {
-            "weights": self._h,
+            "weights": self._watch.weights,
             "phase": self._phase,
             "clock_rate": self._rate,
             "expected_force": self._expected,
@@ -206,9 +225,7 @@ class CollaborativeSkill:
         }
 
     def reset(self, obs: Observation) -> None:
-        self._filter.reset()
-        self._until_filter = 0.0
-        self._h[:] = self._filter.weights
+        self._watch.reset()
         self._position[:] = np.nan_to_num(obs.position)
         self._start = self._position.copy()
         self._compliance.reset()
@@ -226,7 +243,7 @@ class CollaborativeSkill:
         # a missing force is taken as none: the compliance then only dies away
         force = obs.force if isfinite(obs.force.sum()) else np.where(np.isfinite(obs.force), obs.force, 0.0)
         self._position[:] = x
-        self._weigh(x, obs.force)
+        self._watch.step(x, obs.force)
         if self._complies_only:
             feedforward, reference = self._nothing, self._nothing
         elif self.role == "leader":
@@ -261,14 +278,6 @@ class CollaborativeSkill:
         agreement *= min(speed / law.moving_speed_m_per_s, 1.0)
         foreseen = (ahead - now) / law.anticipation_s * min(speed / usual, 1.5)
         return law.anticipation * agreement * np.minimum(np.maximum(foreseen, -1.0), 1.0)
-
-    def _weigh(self, x: Array, force: Array) -> None:
-        """Eq. (4) from position and force on the model's own clock: which state of the task this is."""
-        while self._until_filter <= 1e-9:
-            self._until_filter += self._model_dt
-            n = len(self._filter.channels)
-            self._h[:] = self._filter.step(np.concatenate([x, force])[:n])
-        self._until_filter -= self._dt
 
 
 def outside_taught(reference: PhaseReference, position: Array) -> float:

@@ -17,6 +17,7 @@ Good engineering, not a certified safety function; what it promises and what not
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import copysign, exp, inf, isfinite, pi, sqrt
@@ -29,6 +30,7 @@ from .checker import Checker
 
 RUN, COMPLY, HOLD = 0, 1, 2
 NAMES = ("RUN", "COMPLY", "HOLD")
+ALONE_MEAN_S = 0.1  # an object that is let go swings on the wrist at about 10 Hz: the mean of one swing is its weight
 ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
 
 
@@ -41,7 +43,7 @@ class Limits:
     force_limit_n: float = 60.0
     workspace_m: tuple[tuple[float, float], ...] | None = None  # (lowest, highest) of each axis; None: no walls
     energy_j: float = 3.0  # E_0 = E_max: what the robot may give in one task; only the person or re-arming refills it
-    comply_damping_ns_per_m: float = 80.0
+    comply_damping_ns_per_m: float = 150.0  # more than 50 ms of delay times the 2.4 kN/m of wall, object and wrist
     fade_s: float = 0.5  # from COMPLY back to RUN; the other way is at once
     late_s: float | None = None  # T, longest period allowed; None: 3 periods, at least 30 ms
     stale_s: float | None = None  # age of a sample to coast on; None: 5 periods, at least 50 ms
@@ -50,10 +52,11 @@ class Limits:
     position_jump_m: float = 0.02  # beyond what 2 v_max explains
     drift_m: float = 0.05  # between where the hand was sent and where it is
     rest_m_per_s: float = 0.02  # measured speed up to which re-arming counts as at rest
-    blocked_n: float = 25.0  # against the motion
-    blocked_s: float = 0.1
-    alone_n: float = 1.2  # within this of carrying the whole object alone, the partner's end is free
-    alone_s: float = 0.12
+    blocked_n: float = 20.0  # against the motion
+    blocked_s: float = 0.03  # a hand at 0.4 m/s presses 20 N more into a wall with every 20 ms
+    alone_n: float = 2.2  # within this of carrying the whole object alone, the partner's end is free
+    alone_s: float = 0.08
+    sudden_s: float = 0.15  # within this his pull is gone: who pulls down harder and harder has not let go
     let_go_n: float = 0.3  # less than this is nobody, where the object weighs nothing along the axes
     let_go_s: float = 0.4
     held_n: float = 2.0  # more than this, in this motion, was somebody
@@ -213,7 +216,9 @@ class Envelope:
         self._blocked_s = self._alone_s = self._rest_s = self._felt = self._slow = self._shake = self._shaken = 0.0
         self._held = False
         self._weight, self._weighed = [0.0] * d, 0  # F_s at rest, both holding: this hand's share of the object
-        self._missing, self._missing_s, self._rate = [0.0] * d, 0.0, [0.0] * d
+        self._missing: deque[list[float]] = deque(maxlen=max(round(ALONE_MEAN_S / self._dt), 1))
+        self._held_before: deque[float] = deque(maxlen=max(round(self.limits.sudden_s / self._dt), 1))
+        self._missing_s, self._gone_s, self._rate = 0.0, inf, [0.0] * d
         self._checker.start(position)
         self._mode[0], self._confidence[0], self._tank[:] = RUN, 1.0, self.limits.energy_j
 
@@ -347,21 +352,21 @@ class Envelope:
         self._known = good
         if good:
             self._force = force
-            self._weigh(raw, period)
+            self._weigh(raw)
 
-    def _weigh(self, raw: list[float], period: float) -> None:
+    def _weigh(self, raw: list[float]) -> None:
         """The object's weight on this hand, from the first quarter second at rest; and what of the partner's pull is missing.
 
         Where the partner lets go F = -s m (g + a): this hand then carries twice its share, and nothing else pulls.
         """
         if self._weighed < 25:
-            if max(abs(v) for v in self._v) < self.limits.moving_m_per_s and all(abs(f) < ABSURD for f in raw):
+            still = max(abs(v) for v in self._v) < self.limits.moving_m_per_s and max(map(abs, self._force)) < self.limits.tare_n
+            if still and all(abs(f) < ABSURD for f in raw):
                 self._weighed += 1
                 self._weight = [w + (f - w) / self._weighed for w, f in zip(self._weight, raw, strict=True)]
             return
-        share = min(period / 0.05, 1.0)
-        for i, (f, w) in enumerate(zip(self._force, self._weight, strict=True)):
-            self._missing[i] += share * (f - w * (1.0 + self._rate[i] / STANDARD_GRAVITY) - self._missing[i])
+        held = zip(self._force, self._weight, self._rate, strict=True)
+        self._missing.append([f - w * (1.0 + a / STANDARD_GRAVITY) for f, w, a in held])
 
     def _book(self, period: float, late: bool) -> None:
         """Where the last command led, and what it cost at worst."""
@@ -388,7 +393,13 @@ class Envelope:
         speed, size = sqrt(speed), sqrt(size)
         against = -along / speed if speed > 1e-6 else 0.0
         load = sqrt(sum(w * w for w in self._weight))
-        alone = self._weighed >= 25 and load > limits.held_n and sqrt(sum(m * m for m in self._missing)) < limits.alone_n
+        alone = False
+        if load > limits.held_n and len(self._missing) == self._missing.maxlen:
+            pulls = [sum(values) / len(self._missing) for values in zip(*self._missing, strict=True)]
+            missing = sqrt(sum(p * p for p in pulls))
+            self._held_before.append(missing)
+            self._gone_s = 0.0 if self._held_before[0] - missing > 0.5 * load else self._gone_s + period
+            alone = missing < limits.alone_n and (self._missing_s > 0.0 or self._gone_s < 4.0 * limits.sudden_s)
         self._missing_s = self._missing_s + period if alone else 0.0
         if self._missing_s > limits.alone_s:
             self._fault("let go: the hand carries the whole object")

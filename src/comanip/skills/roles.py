@@ -1,8 +1,9 @@
 """Who leads? Evidence from the learned models, and a skill that leads or follows by it.
 
 `RoleEvidence` keeps a probability over what the robot is just now: the leader (force as in the leader's lessons), the follower
-(as in the follower's), sharing (as in natural lessons, if there are any), or neither. `AutoSkill` is told nothing: it follows
-whoever moves, takes over when nobody does, and gives way to a partner who insists. Between the two it is one law all the time,
+(as in the follower's), sharing (as in natural lessons, if there are any), or neither. `RoleSkill` begins as it
+is told, or as a follower when it is told nothing: it follows whoever moves, takes over when nobody does, and gives way to a
+partner who insists. Between the two it is one law all the time,
 with one compliance state, so a change of role is a change of numbers and never a jump:
 
     M(a) dc/dt = dz(F - a F_r) - D(a) c        v = a (s' v_r(s) + lambda (x_r - x)) + c        |da/dt| <= 1 / blend_s
@@ -20,7 +21,7 @@ from ..errors import MismatchError
 from ..interfaces import Array, Command, Observation
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
-from .collaborate import CollaborativeLaw, Compliance, Pace, command_velocity, outside_taught
+from .collaborate import CollaborativeLaw, Compliance, Pace, Watch, command_velocity, outside_taught
 from .reference import PhaseReference
 
 GAINS = (0.1, 0.2, 0.4, 0.8)  # how strong this partner is beside those of the lessons
@@ -128,7 +129,7 @@ class RolePolicy:
     resting_m_per_s: float = 0.02
     resting_n: float = 1.2
     finished_m: float = 0.03  # nearer to the shortest lesson's end, or beyond it, the task is done
-    probe_n: float = 2.2  # taking over begins with a push of no more than this,
+    probe_n: float = 1.8  # taking over begins with a push of no more than this,
     probe_m: float = 0.05  # and is meant from here on: who gives way so far does not hold on to his place
     probe_s: float = 0.6  # in so long a push moves something,
     progress_m: float = 0.004  # this much at least, or it is answered
@@ -141,18 +142,23 @@ class RolePolicy:
     blend_s: float = 0.5
 
 
-class AutoSkill:
+class RoleSkill:
     """Leads or follows, as the partner leaves it to do; both from lessons of those roles.
 
-    Diagnostics: role (n,) probabilities of `evidence.names`, blend a in [0, 1] (1 leads), phase [s], expected force, compliance
-    velocity. `notice` says what it does: "follows", "offers to lead", "leads".
+    watch      shows where in the leader's task this is
+    leads      begins as the leader, as it was told to; else as a follower
+    evidence   who leads, from the models; None where the role was told
+
+    Diagnostics: weights (K,) of the leader's states, role (n,) probabilities of `evidence.names` if there is evidence, blend a
+    in [0, 1] (1 leads), phase [s], clock rate, expected force, compliance velocity. `notice` says what it does when that is not
+    what it was told: "follows", "offers to lead", "leads".
     """
 
     stop_reason = ""
 
     def __init__(
         self,
-        evidence: RoleEvidence,
+        watch: Watch,
         reference: PhaseReference,
         ends: Array,
         *,
@@ -160,28 +166,36 @@ class AutoSkill:
         following: CollaborativeLaw,
         axes: tuple[str, ...],
         dt: float,
+        leads: bool = False,
+        evidence: RoleEvidence | None = None,
         policy: RolePolicy = RolePolicy(),
     ) -> None:
+        self._watch, self._told_to_lead = watch, leads
         self.evidence, self.reference, self.policy = evidence, reference, policy
         self._dt, d = dt, len(axes)
         self._end, way = ends.min(axis=0), reference.position[-1] - reference.position[0]
         self._way = way / max(sqrt(way @ way), 1e-9)
         self._laws = [_between(following, leading, n / 50.0) for n in range(51)]
+        # to who gives way, an offer must not be held up by what keeps a resting hand still
+        self._offering = replace(leading, resting_damping_ns_per_m=leading.moving_damping_ns_per_m, dead_zone_n=0.0)
         self._pace = Pace(reference, leading, dt)
         self._compliance = Compliance(d, dt)
         self._velocity, self._position, self._start = np.zeros(d), np.zeros(d), np.zeros(d)
         self._expected, self._reference, self._pull, self._bias = np.zeros(d), np.zeros(d), np.zeros(d), np.zeros(d)
         self._nothing, self._seen = np.zeros(d), np.zeros(3 * d)
-        self._blend, self._phase = np.zeros(1), np.zeros(1)
+        self._blend, self._phase, self._rate = np.zeros(1), np.zeros(1), np.zeros(1)
         self._complies_only = False
         self._state = FOLLOWS
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
+        role = {} if self.evidence is None else {"role": self.evidence.probabilities}
         return {
-            "role": self.evidence.probabilities,
+            **role,
+            "weights": self._watch.weights,
             "blend": self._blend,
             "phase": self._phase,
+            "clock_rate": self._rate,
             "expected_force": self._expected,
             "compliance": self._compliance.velocity,
         }
@@ -189,28 +203,38 @@ class AutoSkill:
     @property
     def notice(self) -> str:
         if self._complies_only:
-            return "outside what was taught: complies only"
-        return self._state
+            return f"outside what was taught by {self._outside:.2f} m: complies only"
+        return "" if self._state == LEADS and self._told_to_lead else self._state
 
     def reset(self, obs: Observation) -> None:
-        self.evidence.reset()
+        self._watch.reset()
+        if self.evidence is not None:
+            self.evidence.reset()
         self._position[:] = np.nan_to_num(obs.position)
         self._start[:] = self._position
         self._compliance.reset()
-        self._pace.start(0.0, self._position)
+        delay = self._pace.law.start_delay_s
+        self._pace.start(-delay if self._told_to_lead else 0.0, self._position)
         for array in (self._velocity, self._expected, self._reference, self._pull, self._bias, self._blend, self._phase):
             array[:] = 0.0
-        self._state, self._moved = FOLLOWS, False
-        self._place: Array | None = None  # where a take-over was begun or answered last
-        self._rest_s = self._against_s = self._held_s = self._reached = self._push = self._meant = 0.0
-        self._complies_only = outside_taught(self.reference, self._position) > self._laws[0].reach_m
+        self._state, self._moved = (LEADS if self._told_to_lead else FOLLOWS), False
+        self._gives = False
+        self._place: Array | None = None  # where an offer was begun, or answered
+        self._rest_s = self._against_s = self._held_s = self._reached = self._push = 0.0
+        self._outside = outside_taught(self.reference, self._position)
+        self._complies_only = self._outside > self._laws[0].reach_m
+        if self._complies_only:
+            self._state = FOLLOWS
+        self._meant = self._blend[0] = float(self._state == LEADS)
 
     def step(self, obs: Observation, command: Command) -> None:
         x = obs.position if isfinite(obs.position.sum()) else np.where(np.isfinite(obs.position), obs.position, self._position)
         force = obs.force if isfinite(obs.force.sum()) else np.where(np.isfinite(obs.force), obs.force, 0.0)
         self._position[:] = x
-        np.concatenate([obs.position, obs.force - self._bias, self._velocity], out=self._seen)
-        self.evidence.step(self._seen, self._dt)
+        self._watch.step(x, obs.force)
+        if self.evidence is not None:
+            np.concatenate([obs.position, obs.force - self._bias, self._velocity], out=self._seen)
+            self.evidence.step(self._seen, self._dt)
         force = force - self._bias
         self._pull += min(self._dt / PULL_S, 1.0) * (force - self._pull)
         if not self._complies_only:
@@ -218,7 +242,7 @@ class AutoSkill:
         a, reference = self._blended(), self._nothing
         if a > 0.0:
             reference = self._led(x, force)
-        law = self._laws[round(50 * a)]
+        law = self._offering if self._state == PROBES and self._gives else self._laws[round(50 * a)]
         self._compliance.step(law, force - self._expected, reference, self._nothing)
         command_velocity(law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
@@ -233,7 +257,7 @@ class AutoSkill:
         a = float(self._blend[0])
         if self._state == LEADS:
             self._pace.step(x, force)
-            self._phase[0] = self._pace.phase
+            self._phase[0], self._rate[0] = self._pace.phase, self._pace.rate
             self._meant = min(self._meant + self._dt / self.policy.blend_s, 1.0)
             self._reference[:] = self._meant * self._pace.velocity
             self._expected[:] = self._meant * self._pace.expected - (1.0 - self._meant) * self._push * self._way
@@ -259,6 +283,7 @@ class AutoSkill:
         if self._rest_s >= patience and unfinished and elsewhere:
             self._place = x.copy()
             self._reached = self._push = self._meant = self._held_s = 0.0
+            self._gives = False
             self._begin(PROBES)
 
     def _probe(self, x: Array) -> None:
@@ -270,7 +295,8 @@ class AutoSkill:
             self._pace.start(self.reference.nearest(x), x)
             self._begin(LEADS)
             return
-        stands = far < 2.0 * policy.progress_m and along < -0.5 * policy.probe_n
+        self._gives = self._gives or far > 2.0 * policy.progress_m
+        stands = not self._gives and along < -0.5 * policy.probe_n
         if not stands:
             self._push = min(self._push + policy.probe_n * self._dt / policy.blend_s, policy.probe_n)
         self._rest_s += self._dt
@@ -287,10 +313,11 @@ class AutoSkill:
         policy, wanted = self.policy, self._pace.velocity
         along, speed = float(self._pull @ wanted) / max(_length(wanted), 1e-3), _length(self._velocity)
         pushed = -along > policy.insist_n + policy.insist_ns_per_m * speed
-        held = speed < policy.held_m_per_s and _length(self._pull) > policy.resting_n and self._meant >= 1.0
-        self._held_s = self._held_s + self._dt if held else 0.0
+        under_way = self._pace.phase > policy.insist_s and self._meant >= 1.0
+        held = under_way and speed < policy.held_m_per_s and _length(self._pull) > policy.resting_n
+        self._held_s = max(self._held_s + (self._dt if held else -self._dt), 0.0)
         if self._answered(pushed or along > policy.ahead_n, policy.insist_s) or self._held_s >= policy.held_s:
-            self._place = x.copy()
+            self._place = None
             self._begin(FOLLOWS)
 
     def _answered(self, against: bool, after_s: float) -> bool:

@@ -122,6 +122,12 @@ class Teleoperation:
         return self._diagnostics
 
     @property
+    def units(self) -> Mapping[str, str]:
+        """Of the diagnostics, for the recording."""
+        device = {name: unit for name, (_, unit) in self._device.channels.items()}
+        return {**device, "device.velocity": "m/s", "device.force": "N", "coupling.mismatch": "m"}
+
+    @property
     def fault(self) -> str:
         """Why it holds; empty while it runs."""
         return self._reason

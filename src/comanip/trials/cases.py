@@ -97,13 +97,14 @@ class Case:
     @property
     def run_s(self) -> float:
         """How long the run lasts [s]."""
-        alone = 0.0 if self.leads else 8.0 + (AUTO_PATIENCE_S if self.role == "auto" else 0.0)
         if self.behaviour == "changes role" and self.leads and self.role == "auto":
             return self.stop_s + 10.0  # the robot has to notice and to finish the task
-        # a robot told nothing might take a partner's end for a hand-over: watched longer, so that it would show
-        return max(
-            alone + (self.pause_s if self.behaviour == "hesitates" else 0.0), self.stop_s + (6.0 if self.role == "auto" else 2.5)
-        )
+        # a robot that may lead might take a partner's end for a hand-over: watched longer, so that it would show
+        after = self.stop_s + (2.5 if self.role == "follower" else 10.0)
+        if self.leads:
+            return after
+        begins = AUTO_PATIENCE_S if self.role == "auto" else 0.0
+        return max(begins + 8.0 + (self.pause_s + 8.0 if self.behaviour == "hesitates" else 0.0), after)
 
 
 def draw_case(role: str, rng: np.random.Generator, *, misbehaving: float = 0.0) -> Case:
