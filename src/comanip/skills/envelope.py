@@ -55,7 +55,7 @@ class Limits:
     blocked_n: float = 20.0  # against the motion
     blocked_s: float = 0.03  # a hand at 0.4 m/s presses 20 N more into a wall with every 20 ms
     alone_n: float = 2.2  # within this of carrying the whole object alone, the partner's end is free
-    alone_s: float = 0.08
+    alone_s: float = 0.15
     sudden_s: float = 0.15  # within this his pull is gone: who pulls down harder and harder has not let go
     let_go_n: float = 0.3  # less than this is nobody, where the object weighs nothing along the axes
     let_go_s: float = 0.4

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 
 import numpy as np
 
@@ -133,6 +133,7 @@ class RolePolicy:
     probe_m: float = 0.05  # and is meant from here on: who gives way so far does not hold on to his place
     probe_s: float = 0.6  # in so long a push moves something,
     progress_m: float = 0.004  # this much at least, or it is answered
+    offers: int = 2  # at one place
     held_m_per_s: float = 0.01  # leading, but slower than this against a pull: he holds
     held_s: float = 0.6
     insist_n: float = 3.0  # resistance that is more than the other's inertia ...
@@ -279,7 +280,8 @@ class RoleSkill:
             self._bias += self._dt / BIAS_S * self._pull
         patience = policy.midway_patience_s if self._moved else policy.start_patience_s
         if self._place is not None and _length(x - self._place) <= policy.probe_m:
-            patience *= 2.0**self._answers  # he kept this place when asked: asked again, but later and later
+            # he kept this place when asked: asked again, but later, and not for ever
+            patience = patience * 2.0**self._answers if self._answers < policy.offers else inf
         unfinished = float((self._end - x) @ self._way) > policy.finished_m
         if self._rest_s >= patience and unfinished:
             if self._place is None or _length(x - self._place) > policy.probe_m:
