@@ -28,7 +28,7 @@ Data = Annotated[DataFlags, Parameter(name="*", group=_DATA)]
 Learning = Annotated[LearnFlags, Parameter(name="*", group=_LEARN)]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print the result as one JSON document.")]
 Out = Annotated[Path, Parameter(name=["--out", "-o"])]
-Plant = Literal["beam"]
+Plant = Annotated[Literal["beam", "humanoid"], Parameter(help="beam: exact and fast; humanoid: in physics, needs mujoco.")]
 Law = Literal["default", "paper"]
 
 
@@ -143,7 +143,7 @@ def teach(
     delay_ms: Annotated[float, Parameter(help="Round trip between device and robot.")] = 0.0,
     passivity: Annotated[bool, Parameter(negative="", help="Take out the energy that delay makes.")] = False,
     seed: int = 0,
-    plant: Annotated[Literal["beam", "humanoid"], Parameter(help="humanoid: in physics, needs mujoco.")] = "beam",
+    plant: Plant = "beam",
     out: Out = Path("lessons"),
     json: Json = False,
 ) -> None:
@@ -155,11 +155,14 @@ def teach(
 
 @app.command
 def reproduce(
-    skill: Path,
+    skill: Annotated[list[Path], Parameter(consume_multiple=True)],
     /,
     *,
     seed: int = 7,
-    role: Literal["leader", "follower"] | None = None,
+    role: Annotated[
+        Literal["leader", "follower", "auto"] | None,
+        Parameter(help="auto: the robot is told nothing; give skills of both roles."),
+    ] = None,
     law: Law | None = None,
     plant: Plant = "beam",
     dt: Annotated[float, Parameter(help="Control period [s].")] = 0.01,

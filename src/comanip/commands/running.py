@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from ..learned import learn as learn_skill
 from ..loop import SimulatedClock, WallClock, run
 from ..plants.replay import ReplayPlant
 from ..recording import Recording
-from ..reproduction import make_skill
+from ..reproduction import make_auto, make_skill
 from ..teaching import DYADS, PHANTOM, Coupling
 from ..teaching import teach as record_lessons
 from ..trials import draw_case, judge, run_case
@@ -80,7 +81,7 @@ def taught(role: str, seed: int, lessons: int = 5) -> LearnedSkill:
 
 
 def reproduce(
-    path: Path,
+    paths: Sequence[Path],
     seed: int,
     role: str | None,
     law: str | None,
@@ -93,7 +94,8 @@ def reproduce(
     data: DataFlags,
     json: bool,
 ) -> None:
-    learned = skill_file.load(path)
+    skills = {path: skill_file.load(path) for path in paths}
+    learned, path = skills[paths[0]], paths[0]
     clock = WallClock() if realtime else SimulatedClock()
     if force_from is not None:
         recording, result = _replayed(learned, force_from, law, role, data, clock)
@@ -106,12 +108,17 @@ def reproduce(
         if not acting:
             raise ParameterError(f"{path}: the skill states no role; pass --role leader or --role follower")
         case = draw_case(acting, np.random.default_rng(seed))
-        skill = make_skill(learned, axes=learned.axes, dt=dt, law=law, role=acting)
+        if acting == "auto":
+            skill = make_auto({one.role: one for one in skills.values()}, axes=learned.axes, dt=dt)
+        else:
+            skill = make_skill(learned, axes=learned.axes, dt=dt, law=law, role=acting)
         start = float(np.mean(learned.workspace @ [0.75, 0.25]))  # where the lessons started: W is their range, half wider
-        recording = run_case(case, skill, dt=dt, start_m=start, clock=clock, metadata={"seed": seed, "law": law or learned.law})
+        about = {"seed": seed, "law": law or learned.law}
+        recording = run_case(case, skill, plant=plant, dt=dt, start_m=start, clock=clock, metadata=about)
         verdict = judge(case, recording, start_m=start, taught_ends_m=learned.ends)
         result = {"role": acting, "success": verdict.success, **verdict._asdict()}
-    result = {"skill": str(path), "law": law or learned.law, "stop_reason": recording.metadata["stop_reason"], **result}
+    named = ", ".join(str(one) for one in paths)
+    result = {"skill": named, "law": law or learned.law, "stop_reason": recording.metadata["stop_reason"], **result}
     if notice := recording.metadata.get("notice"):
         result["notice"] = notice
     if out is not None:
@@ -136,7 +143,8 @@ def _replayed(
     """The paper's Fig. 7 way: recorded force as input. Says how the skill responds, nothing about collaboration."""
     lesson = read_lessons([source], data)[0]
     plant = ReplayPlant(lesson.force, dt=lesson.dt, start_position=lesson.position[0], axes=learned.axes)
-    skill = make_skill(learned, axes=learned.axes, dt=lesson.dt, law=law, role=role)
+    # nobody is there to be protected, and nobody answers: the envelope would only end the replay
+    skill = make_skill(learned, axes=learned.axes, dt=lesson.dt, law=law, role=role, envelope=False)
     recording = run(plant, skill, duration_s=len(lesson) * lesson.dt, clock=clock, metadata={"force_from": str(source)})
     apart = recording["hand.position"].values - lesson.position
     return recording, {
