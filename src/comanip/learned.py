@@ -17,10 +17,12 @@ from .interfaces import Array
 from .models.clock import learn_clock
 from .models.gmm import Gmm
 from .models.hmm import Hmm, fit_hmm
+from .models.stability import stability, warnings_of
 from .recording import frozen
 
 LAWS = ("default", "paper")
 STATES = {"default": 10, "paper": 5}  # 5 is the paper's; 10 predicts better on every set that was tried (docs/results.md)
+SHAKING_N = 2.0  # an oscillation of this amplitude above the law's threshold is as much as one may ask a person to bear
 ALLOWED_DT_S = (0.0002, 0.05)
 
 
@@ -116,6 +118,7 @@ def learn(
         covariance_floor=covariance_floor,
     )
     notes.extend(fit.notes)
+    notes.extend(stability_notes(fit.model, law, role or lessons[0].role, settings or {}))
     dt = lessons[0].dt
     ordered = topology == "left-right" and fit.model.n_states > 1
     positions = [lesson.position for lesson in lessons]
@@ -141,6 +144,15 @@ def learn(
             "topology": topology,
         },
     )
+
+
+def stability_notes(model: Hmm, law: str, role: str, settings: Mapping[str, Any]) -> list[str]:
+    """What is known of stability before anybody holds the other end, one warning a line; see `models.stability`."""
+    from .skills.collaborate import CollaborativeLaw
+
+    compliant = CollaborativeLaw.for_role(role, **(settings if law == "default" else {}))
+    shaking = compliant.moving_damping_ns_per_m + SHAKING_N * compliant.shake_damping_ns_per_m_per_n
+    return warnings_of(stability(model), law, (compliant.virtual_mass_kg, shaking))
 
 
 def workspace_around(positions: Sequence[Array], margin: float = 0.5) -> Array:
