@@ -20,6 +20,7 @@ from .contestants import contestant
 from .judging import FORCE_CUTOFF_HZ, Verdict, judge
 
 START_M = 0.85
+EXPECTED_DELAY_S = 0.010  # of the force sensor behind the velocity: 0 to 20 ms in the draw, and the robot knows no better
 PLANTS = ("beam", "humanoid")
 MakePartner = Callable[[Case, np.random.Generator], Partner]
 
@@ -42,7 +43,9 @@ def run_case(
     """
     rng = np.random.default_rng(case.seed)
     world = _plant(plant, partner(case, rng), case, dt, start_m, rng)
-    estimator = TaringInteractionForce(dt, gravity=gravity_along(world.axes).tolist(), cutoff_hz=FORCE_CUTOFF_HZ)
+    estimator = TaringInteractionForce(
+        dt, gravity=gravity_along(world.axes).tolist(), cutoff_hz=FORCE_CUTOFF_HZ, force_delay_s=EXPECTED_DELAY_S
+    )
     about = {"role": case.role, "partner": asdict(case), "load_mass_kg": case.beam_mass_kg, "plant": plant, **(metadata or {})}
     return run(world, skill, duration_s=case.run_s, estimator=estimator, clock=clock, metadata=about)
 
