@@ -237,7 +237,7 @@ def doctor(*, json: Json = False) -> None:
 
 
 @app.command
-def demo(*, out: Out = Path("out"), seed: int = 0, plant: Plant = "beam", json: Json = False) -> None:
+def demo(*, out: Out = Path("out"), seed: int = 0, plant: Plant | None = None, json: Json = False) -> None:
     """Teach both roles, learn them, collaborate with partners never met, and write one HTML report about it."""
     from .commands import demo as command
 

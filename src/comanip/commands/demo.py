@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,23 +23,25 @@ from .console import print_json, progress
 from .running import LESSON_RATE_HZ
 from .trying import summary
 
-PARTNERS = 24  # a role and law; `comanip trial` runs as many as wanted
+PARTNERS = 24  # a role and law, on the exact beam; `comanip trial` runs as many as wanted
+IN_PHYSICS = 4  # a role, on the humanoid
 LAWS = ("default", "paper", "mass-damper")
 
 
-def demo(out: Path, seed: int, plant: str, json: bool) -> None:
+def demo(out: Path, seed: int, plant: str | None, json: bool) -> None:
     from ..evaluation import figures
     from ..web import report
 
     started = time.perf_counter()
-    streams = np.random.SeedSequence(seed).spawn(4)
+    plant = plant or _best_plant()
+    streams = np.random.SeedSequence(seed).spawn(5)
     lessons: dict[str, tuple[Demonstration, ...]] = {}
     skills: dict[str, LearnedSkill] = {}
     results: dict[str, Any] = {"seed": seed, "plant": plant, "roles": {}}
     shown: dict[str, tuple[Case, Recording, Verdict]] = {}
     for n, role in enumerate(ROLES):
         with progress(f"five lessons as {role}") as report_progress:
-            recordings = record_lessons(role, 5, rng=np.random.default_rng(streams[n]), progress=report_progress)
+            recordings = record_lessons(role, 5, rng=np.random.default_rng(streams[n]), plant=plant, progress=report_progress)
         lessons[role] = demonstrations(recordings, rate_hz=LESSON_RATE_HZ)
         begun = time.perf_counter()
         skills[role] = learn(lessons[role], role=role)
@@ -54,8 +58,17 @@ def demo(out: Path, seed: int, plant: str, json: bool) -> None:
             with progress(f"{role}, law {law}, {PARTNERS} partners never met") as report_progress:
                 trials[law] = summary(run_cases(cases, skills, law, workers=0, progress=report_progress), cases)
         results["roles"][role]["trial"] = trials
-        shown[role] = _shown(cases[0], skills[role])
+        if plant != "beam":
+            some = cases[:IN_PHYSICS]
+            with progress(f"{role}, law default, {IN_PHYSICS} of them on the {plant}") as report_progress:
+                verdicts = run_cases(some, skills, "default", plant=plant, workers=0, progress=report_progress)
+            results["roles"][role]["in_physics"] = summary(verdicts, some)
+        shown[role] = _shown(cases[0], skills[role], plant)
         results["roles"][role]["shown"] = {"success": shown[role][2].success, **shown[role][2]._asdict()}
+    rng = np.random.default_rng(streams[4])
+    cases = [draw_case("auto", rng) for _ in range(PARTNERS)]
+    with progress(f"told no role, {PARTNERS} partners never met") as report_progress:
+        results["auto"] = summary(run_cases(cases, skills, "default", workers=0, progress=report_progress), cases)
     results["seconds"] = time.perf_counter() - started
     pictures = {
         "demonstrations": figures.demonstrations([x for role in ROLES for x in lessons[role]]),
@@ -79,10 +92,25 @@ def demo(out: Path, seed: int, plant: str, json: bool) -> None:
             f"{round(t['success'] * t['partners'])} of {t['partners']} partners it had never met "
             f"(the paper's law: {round(r['trial']['paper']['success'] * t['partners'])})"
         )
+        if p := r.get("in_physics"):
+            print(f"  on the humanoid, in physics: {round(p['success'] * p['partners'])} of {p['partners']}")
+    a = results["auto"]
+    print(
+        f"told nothing: carried it with {round(a['success'] * a['partners'])} of {a['partners']}, some of whom lead; "
+        f"knew its role in time {100 * a['role_right']:.0f} %"
+    )
     print(f"{target}: pictures, numbers and an animation of both collaborations ({results['seconds']:.0f} s)")
 
 
-def _shown(case: Case, learned: LearnedSkill) -> tuple[Case, Recording, Verdict]:
+def _best_plant() -> str:
+    """The humanoid where MuJoCo is installed."""
+    if find_spec("mujoco") is not None:
+        return "humanoid"
+    print("on the exact beam: for the humanoid, pip install 'comanip[humanoid]'", file=sys.stderr)
+    return "beam"
+
+
+def _shown(case: Case, learned: LearnedSkill, plant: str) -> tuple[Case, Recording, Verdict]:
     """The first partner drawn, whatever comes of it: nothing is picked for the show."""
-    recording = run_case(case, make_skill(learned, axes=learned.axes, dt=0.01, role=case.role))
+    recording = run_case(case, make_skill(learned, axes=learned.axes, dt=0.01, role=case.role), plant=plant)
     return case, recording, judge(case, recording, taught_ends_m=learned.ends)
