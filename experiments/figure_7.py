@@ -128,8 +128,13 @@ def _led(seed: int, reading: PaperLaw) -> dict[str, list[Path1]]:
     return {
         "reading": [_run(_paper(skill, reading), force, held, s) for s in starts],
         "letter": [_run(_paper(skill, LETTER), force, held, s) for s in starts],
-        "default": [_run(make_skill(default, axes=AXES, dt=held.dt), force, held, s) for s in starts],
+        "default": [_run(_default(default, held.dt), force, held, s) for s in starts],
     }
+
+
+def _default(learned: LearnedSkill, dt: float) -> Skill:
+    """Without envelope and giving way, which are for people: a recorded force does not answer."""
+    return make_skill(learned, axes=AXES, dt=dt, envelope=False, gives_way=False)
 
 
 def _moved_waiting(path: Path1, timed: Timed) -> float:

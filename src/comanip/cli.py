@@ -215,17 +215,20 @@ def trial(
 
 @app.command
 def figures(
-    numbers: Annotated[list[int], Parameter(help="Which of 2 to 7; default all.")] = [],
+    numbers: Annotated[
+        list[int], Parameter(help="Which of 1 to 7; default 2 to 7. 1 is rendered: needs mujoco and OSMesa or EGL.")
+    ] = [],
     /,
     *,
     out: Out = Path("out/figures"),
     seed: int = 0,
+    plant: Annotated[Plant | None, Parameter(help="Where lessons are taught; default the humanoid where mujoco is.")] = None,
     json: Json = False,
 ) -> None:
     """Redraw Figures 2 to 7 of the paper and test their claims as numbers, with pass or fail."""
     from .commands import figures as command
 
-    command.figures(numbers, out, seed, json)
+    command.figures(numbers, out, seed, plant, json)
 
 
 @app.command

@@ -23,6 +23,7 @@ def make_skill(
     law: str | None = None,
     role: str | None = None,
     envelope: bool | Limits = True,
+    gives_way: bool = True,
     **settings: Any,
 ) -> Skill:
     """The skill that runs `learned` on a robot with these axes and control period [s].
@@ -30,9 +31,11 @@ def make_skill(
     law       "default" or "paper"; None takes the skill's own, with its stored settings
     role      only for a skill that states none; another role than the stated is a MismatchError
     envelope  the safety envelope around it (docs/safety.md): on, off, or on with these Limits
+    gives_way whether a leader under the default law gives way to a partner who insists; False only where nobody is: recorded
+              force that is played back cannot answer
     settings  of the law, on top of the stored ones
     """
-    skill = _law(learned, axes=axes, dt=dt, law=law, role=role, settings=settings)
+    skill = _law(learned, axes=axes, dt=dt, law=law, role=role, gives_way=gives_way, settings=settings)
     return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=None if envelope is True else envelope)
 
 
@@ -91,7 +94,14 @@ def enveloped(skill: Skill, *, axes: tuple[str, ...], dt: float, limits: Limits 
 
 
 def _law(
-    learned: LearnedSkill, *, axes: tuple[str, ...], dt: float, law: str | None, role: str | None, settings: dict[str, Any]
+    learned: LearnedSkill,
+    *,
+    axes: tuple[str, ...],
+    dt: float,
+    law: str | None,
+    role: str | None,
+    gives_way: bool,
+    settings: dict[str, Any],
 ) -> Skill:
     check_fits(learned, axes=axes, dt=dt, role=role)
     stored = dict(learned.settings) if law in (None, learned.law) else {}
@@ -105,7 +115,7 @@ def _law(
     from .skills.collaborate import CollaborativeLaw, CollaborativeSkill
 
     role = role or learned.role
-    if role == "leader":
+    if role == "leader" and gives_way:
         return _role_skill(learned, CollaborativeLaw.for_role(role, **settings), axes, dt, leads=True)
     return CollaborativeSkill(
         learned.model,

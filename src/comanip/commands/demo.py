@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +18,7 @@ from ..teaching import ROLES
 from ..teaching import teach as record_lessons
 from ..trials import Case, Verdict, draw_case, judge, run_case, run_cases
 from .console import print_json, progress
-from .running import LESSON_RATE_HZ
+from .running import LESSON_RATE_HZ, best_plant
 from .trying import summary
 
 PARTNERS = 24  # a role and law, on the exact beam; `comanip trial` runs as many as wanted
@@ -33,7 +31,7 @@ def demo(out: Path, seed: int, plant: str | None, json: bool) -> None:
     from ..web import report
 
     started = time.perf_counter()
-    plant = plant or _best_plant()
+    plant = plant or best_plant()
     streams = np.random.SeedSequence(seed).spawn(5)
     lessons: dict[str, tuple[Demonstration, ...]] = {}
     skills: dict[str, LearnedSkill] = {}
@@ -100,14 +98,6 @@ def demo(out: Path, seed: int, plant: str | None, json: bool) -> None:
         f"knew its role in time {100 * a['role_right']:.0f} %"
     )
     print(f"{target}: pictures, numbers and an animation of both collaborations ({results['seconds']:.0f} s)")
-
-
-def _best_plant() -> str:
-    """The humanoid where MuJoCo is installed."""
-    if find_spec("mujoco") is not None:
-        return "humanoid"
-    print("on the exact beam: for the humanoid, pip install 'comanip[humanoid]'", file=sys.stderr)
-    return "beam"
 
 
 def _shown(case: Case, learned: LearnedSkill, plant: str) -> tuple[Case, Recording, Verdict]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +31,14 @@ from .console import print_json, progress, table
 from .reading import read_lessons
 
 LESSON_RATE_HZ = 100.0
+
+
+def best_plant() -> str:
+    """The humanoid where MuJoCo is installed, else the exact beam, which is said."""
+    if find_spec("mujoco") is not None:
+        return "humanoid"
+    print("on the exact beam; for the humanoid: pip install 'comanip[humanoid]'", file=sys.stderr)
+    return "beam"
 
 
 def teach(
@@ -144,7 +154,7 @@ def _replayed(
     lesson = read_lessons([source], data)[0]
     plant = ReplayPlant(lesson.force, dt=lesson.dt, start_position=lesson.position[0], axes=learned.axes)
     # nobody is there to be protected, and nobody answers: the envelope would only end the replay
-    skill = make_skill(learned, axes=learned.axes, dt=lesson.dt, law=law, role=role, envelope=False)
+    skill = make_skill(learned, axes=learned.axes, dt=lesson.dt, law=law, role=role, envelope=False, gives_way=False)
     recording = run(plant, skill, duration_s=len(lesson) * lesson.dt, clock=clock, metadata={"force_from": str(source)})
     apart = recording["hand.position"].values - lesson.position
     return recording, {
