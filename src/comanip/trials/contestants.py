@@ -14,7 +14,7 @@ from ..skills.reference import PhaseReference
 
 TUNED = {
     "mass_kg": 6.0,
-    "damping_ns_per_m": 25.0,
+    "damping_ns_per_m": 20.0,
 }  # best by success, then effort, of a grid on training partners (docs/results.md)
 
 
