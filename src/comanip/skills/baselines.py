@@ -80,13 +80,14 @@ class VariableDamping(MassDamper):
 class MinimumJerkFollower(MassDamper):
     """Fits x_0 + A mj((t - t_0) / T) to the partner's motion so far, and adds the acceleration that it foresees.
 
-    t_0 is when the hand had moved 5 mm; T is searched over a grid, A follows by least squares. While nothing fits, the
-    mass-damper is all there is.
+    Samples count from when the hand has moved 5 mm; which share of T had gone by then is searched over a grid together with T,
+    because a minimum jerk creeps at first, and A follows by least squares. While nothing fits, the mass-damper is all there is.
     """
 
     def __init__(self, *, n_axes: int, dt: float, mass_kg: float = 6.0, damping_ns_per_m: float = 25.0, trust: float = 0.5):
         super().__init__(n_axes=n_axes, dt=dt, mass_kg=mass_kg, damping_ns_per_m=damping_ns_per_m)
-        self._trust, self._durations = trust, np.linspace(1.2, 5.0, 20)
+        durations, gone = np.meshgrid(np.linspace(1.2, 5.0, 20), np.linspace(0.0, 0.24, 7))
+        self._trust, self._durations, self._gone = trust, durations.ravel(), gone.ravel()
 
     def reset(self, obs: Observation) -> None:
         super().reset(obs)
@@ -110,13 +111,14 @@ class MinimumJerkFollower(MassDamper):
         if not 30 <= len(self._times) <= 600:
             return nothing, nothing
         t, x = np.array(self._times[::3]), np.array(self._places[::3])
-        s = np.clip(t[None, :] / self._durations[:, None], 0.0, 1.0)
+        s = np.clip(self._gone[:, None] + t[None, :] / self._durations[:, None], 0.0, 1.0)
         shape = s**3 * (10.0 + s * (-15.0 + 6.0 * s))
         power = np.einsum("nt,nt->n", shape, shape)
         height = shape @ x / power[:, None]
         missed = ((x[None] - shape[:, :, None] * height[:, None, :]) ** 2).sum(axis=(1, 2))
         best = int(missed.argmin())
-        duration, far, now = float(self._durations[best]), height[best], self._times[-1] / float(self._durations[best])
+        duration, far = float(self._durations[best]), height[best]
+        now = float(self._gone[best]) + self._times[-1] / duration
         if now >= 1.0:
             return nothing, nothing
         a = 60.0 * now * (1.0 - now) * (1.0 - 2.0 * now) / duration**2

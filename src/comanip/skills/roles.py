@@ -29,6 +29,7 @@ FOLLOWS, PROBES, LEADS = "follows", "offers to lead", "leads"
 BIAS_S = 1.5  # how fast a force at rest, before the first motion, is taken for the sensor's
 PULL_S = 0.08  # smoothing of the force that decisions are made on
 GROUPS = ("position", "force", "velocity")
+ABSURD = 1e6  # no robot is so far away, so fast or so strong, in any unit: it counts as missing
 
 
 @dataclass(frozen=True)
@@ -90,11 +91,12 @@ class RoleEvidence:
         self._tell()
 
     def step(self, seen: Array, elapsed_s: float) -> None:
-        """Takes in position, force and velocity, (3 d,) in this order; `elapsed_s` since the last call."""
+        """Takes in position, force and velocity, (3 d,) in this order, NaN for missing; `elapsed_s` since the last call."""
         self._until -= elapsed_s
         if self._until > 1e-9:
             return
         self._until += self._dt
+        seen = np.where(np.abs(seen) < ABSURD, seen, np.nan)
         for i, one in enumerate(self._filters):
             one.step(seen)
             self._log_l[i] = one.last_log_likelihood
