@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -129,7 +130,7 @@ class Watched:
     def changes(self):
         """(tick, notice) of each change."""
         said = ["", *self.notices]
-        return [(n, now) for n, (before, now) in enumerate(zip(said, said[1:], strict=False)) if before != now]
+        return [(n, now) for n, (before, now) in enumerate(pairwise(said)) if before != now]
 
 
 def told_to_lead(skills):

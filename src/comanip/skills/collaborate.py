@@ -48,7 +48,7 @@ class CollaborativeLaw:
     start_delay_s: float = 0.5  # leader: stands still this long before it starts
     comfortable_n: float = 0.5  # leader: resistance of the partner from which it slows its clock
     yield_gain_per_n: float = 0.4
-    slowest_clock: float = 0.3
+    slowest_clock: float = 0.4
     patience_s: float = 0.6  # how long resistance must last to count
     reach_m: float = 0.10  # starts farther than this outside the taught positions: comply only
     max_acceleration_m_per_s2: float = 5.0
