@@ -69,19 +69,27 @@ def _sentence(role: str, case: Case, results: Mapping[str, Any]) -> str:
     )
 
 
+_LAWS = {"default": "comanip's default law", "paper": "the paper's law, literal", "mass-damper": "the best mass-damper of a grid"}
+
+
 def _trial_table(results: Mapping[str, Any]) -> str:
-    rows = []
-    names = {"default": "comanip's default law", "paper": "the paper's law, literal", "mass-damper": "mass-damper 2 kg, 10 N s/m"}
-    for role, r in results["roles"].items():
-        for law, t in r["trial"].items():
-            low, high = t["interval"]
-            why = "; ".join(f"{reason} ({n})" for reason, n in t["failures"].items()) or "–"
-            rows.append(
-                f"<tr><td>{role}</td><td>{names[law]}</td><td class=n>{100 * t['success']:.0f} %</td>"
-                f"<td class=n>{100 * low:.0f}–{100 * high:.0f} %</td><td class=n>{_number(t['effort'])}</td>"
-                f"<td class=n>{_number(t['peak_force_n'])}</td><td>{html.escape(why)}</td></tr>"
-            )
-    return "\n".join(rows)
+    rows = [_trial_row(role, _LAWS[law], t) for role, r in results["roles"].items() for law, t in r["trial"].items()]
+    rows += [
+        _trial_row(role, f"{_LAWS['default']}, on the humanoid ({r['in_physics']['partners']} of the partners)", r["in_physics"])
+        for role, r in results["roles"].items()
+        if "in_physics" in r
+    ]
+    return "\n".join([*rows, _trial_row("told nothing", _LAWS["default"], results["auto"])])
+
+
+def _trial_row(role: str, law: str, t: Mapping[str, Any]) -> str:
+    low, high = t["interval"]
+    why = "; ".join(f"{reason} ({n})" for reason, n in t["failures"].items()) or "–"
+    return (
+        f"<tr><td>{role}</td><td>{law}</td><td class=n>{100 * t['success']:.0f} %</td>"
+        f"<td class=n>{100 * low:.0f}–{100 * high:.0f} %</td><td class=n>{_number(t['effort'])}</td>"
+        f"<td class=n>{_number(t['peak_force_n'])}</td><td>{html.escape(why)}</td></tr>"
+    )
 
 
 def _prediction_table(results: Mapping[str, Any]) -> str:
