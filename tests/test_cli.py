@@ -125,3 +125,9 @@ def test_a_mistake_is_one_line_on_standard_error_and_exit_code_2(tmp_path, words
     assert len(errors) == 1, done.stderr
     assert said in errors[0]
     assert "Traceback" not in done.stderr
+
+
+def test_a_cluster_without_its_address_is_one_line():
+    done = comanip("trial", "--role", "follower", "--partners", 1, "--law", "damping", "--backend", "dask")
+    assert done.returncode == 2
+    assert "needs the scheduler's address" in done.stderr

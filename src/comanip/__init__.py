@@ -49,6 +49,7 @@ _PUBLIC = {
     "regress": "comanip.models.gmr",
     "ForwardFilter": "comanip.models.filtering",
     "select_states": "comanip.models.selection",
+    "backend": "comanip.engine",
     "GaussianHMM": "comanip.models.estimators.gaussian_hmm",
     "GaussianMixtureRegressor": "comanip.models.estimators.regressor",
     "GMM": "comanip.models.estimators.gmm",

@@ -53,3 +53,13 @@ class LearnFlags:
     restarts: Annotated[int, Parameter(help="Attempts from different first guesses; the most likely model wins.")] = 1
     seed: Annotated[int, Parameter(help="Of the random first guesses.")] = 0
     no_force: Annotated[bool, Parameter(negative="", help="Position and velocity only.")] = False
+
+
+@dataclass(frozen=True)
+class BackendFlags:
+    """Where independent work runs."""
+
+    backend: Annotated[
+        Literal["processes", "dask"], Parameter(help="Where many runs or fits are shared out: here, or on a Dask cluster.")
+    ] = "processes"
+    address: Annotated[str | None, Parameter(help="The Dask scheduler's, e.g. tcp://10.0.0.5:8786.")] = None
