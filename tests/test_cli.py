@@ -6,6 +6,7 @@ import json
 import resource
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -125,3 +126,27 @@ def test_a_mistake_is_one_line_on_standard_error_and_exit_code_2(tmp_path, words
     assert len(errors) == 1, done.stderr
     assert said in errors[0]
     assert "Traceback" not in done.stderr
+
+
+def test_a_cluster_without_its_address_is_one_line():
+    done = comanip("trial", "--role", "follower", "--partners", 1, "--law", "damping", "--backend", "dask")
+    assert done.returncode == 2
+    assert "needs the scheduler's address" in done.stderr
+
+
+def test_a_lerobot_folder_is_learned_from_without_being_loaded(tmp_path, lessons):
+    pytest.importorskip("pyarrow", reason="needs comanip[parquet]")
+    sys.path.insert(0, str(Path(__file__).parent / "models"))
+    from test_streaming import lerobot
+
+    lerobot(tmp_path, [x.array(("position.z", "force.z", "velocity.z")) for x in lessons["follower"][:4]], per_file=2)
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta" / "info.json").write_text('{"fps": 100, "codebase_version": "v3.0"}')
+    columns = ("--position", "observation.state[0]", "--force", "observation.state[1]", "--velocity", "action[0]")
+    learned = answer("learn", tmp_path, "-o", tmp_path / "s.json", "--role", "follower", "--workers", 1, *columns)
+    assert learned["rate_hz"] == 100.0
+    assert learned["channels"] == ["position.z", "force.z", "velocity.z"]
+    assert json.loads((tmp_path / "s.json").read_text())["clock"] is not None
+    refused = comanip("learn", tmp_path, *columns[:2])
+    assert refused.returncode == 2
+    assert "--force names 0 Parquet columns" in refused.stderr

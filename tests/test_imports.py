@@ -29,6 +29,9 @@ ONLY_IN = {  # outside library -> files that may import it
     ),  # the second: gmr's interface draws ellipses on given axes
     "cyclopts": ("cli.py", "cli_flags.py"),
     "mcap": ("formats/",),
+    "pyarrow": ("shards.py",),
+    "distributed": ("engine.py",),
+    "joblib": ("engine.py",),
     "rich": ("commands/", "cli.py"),
 }
 
@@ -94,7 +97,7 @@ def loaded_after(statement: str) -> set[str]:
 
 
 def test_nothing_heavy_is_loaded_by_import_or_help():
-    heavy = {"numpy", "scipy", "matplotlib", "mcap", "joblib", "sklearn", "mujoco"}
+    heavy = {"numpy", "scipy", "matplotlib", "mcap", "joblib", "distributed", "pyarrow", "sklearn", "mujoco"}
     assert not loaded_after("import comanip") & heavy
     assert not loaded_after("import comanip.cli") & heavy
     learning = loaded_after("import comanip.learned, comanip.skill_file")

@@ -72,7 +72,7 @@ def test_no_truncation_and_no_flipped_digit_goes_unnoticed(skills, tmp_path):
 def test_a_model_that_is_no_model_is_refused_even_with_a_right_hash(skills, tmp_path):
     content = skill_file.to_json(skills["leader"])
     content["model"] = {**content["model"], "transition": (np.array(content["model"]["transition"]) * 2).tolist()}
-    content["sha256"] = skill_file._digest(content)
+    content["sha256"] = skill_file.digest(content)
     (tmp_path / "skill.json").write_text(json.dumps(content))
     with pytest.raises(SkillFileError, match="transition must sum to 1"):
         skill_file.load(tmp_path / "skill.json")

@@ -45,3 +45,16 @@ def lift(rng, n_frames=200, rate_hz=100.0):
 def lifts(n_demonstrations=5, seed=0, n_frames=200):
     rng = np.random.default_rng(seed)
     return [lift(rng, n_frames) for _ in range(n_demonstrations)]
+
+
+class Stored:
+    """A reader for `fit_stream`: reads .npz files of sequences, two at a time."""
+
+    def __call__(self, path):
+        with np.load(path) as file:
+            sequences = [file[name] for name in file.files]
+        for i in range(0, len(sequences), 2):
+            yield sequences[i : i + 2]
+
+    def __repr__(self):
+        return "Stored()"

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import App, CycloptsError, Group, Parameter
 
 from . import __version__
-from .cli_flags import DataFlags, LearnFlags
+from .cli_flags import BackendFlags, DataFlags, LearnFlags
 
 app = App(
     name="comanip",
@@ -26,6 +26,7 @@ _LEARN = Group("Learning", sort_key=5)
 
 Data = Annotated[DataFlags, Parameter(name="*", group=_DATA)]
 Learning = Annotated[LearnFlags, Parameter(name="*", group=_LEARN)]
+Where = Annotated[BackendFlags, Parameter(name="*", group=_LEARN)]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print the result as one JSON document.")]
 Out = Annotated[Path, Parameter(name=["--out", "-o"])]
 Plant = Annotated[Literal["beam", "humanoid"], Parameter(help="beam: exact and fast; humanoid: in physics, needs mujoco.")]
@@ -64,6 +65,7 @@ def learn(
     out: Out = Path("skill.json"),
     data: Data = DataFlags(),
     learning: Learning = LearnFlags(),
+    where: Where = BackendFlags(),
     json: Json = False,
 ) -> None:
     """Learn a skill from recordings of one role: comanip learn lesson*.csv -o skill.json
@@ -71,8 +73,10 @@ def learn(
     FILES may be .mcap, .csv, .npy, .npz, .mat or a folder of CSV files that belong together.
     """
     from .commands import learning as command
+    from .engine import backend
 
-    command.learn(files, out, data, learning, json)
+    with backend(where.backend, address=where.address):
+        command.learn(files, out, data, learning, json)
 
 
 @app.command
@@ -205,12 +209,15 @@ def trial(
     ] = 0.2,
     pictures: Annotated[Path | None, Parameter(help="Draw the ten worst runs of each law into this folder.")] = None,
     workers: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 0,
+    where: Where = BackendFlags(),
     json: Json = False,
 ) -> None:
     """Try laws on many partners they have never met, in closed loop: success, effort, forces, reasons of failures."""
     from .commands import trying as command
+    from .engine import backend
 
-    command.trial(role, partners, seed, plant, law, skill, partners_from, misbehaving, pictures, workers, json)
+    with backend(where.backend, address=where.address):
+        command.trial(role, partners, seed, plant, law, skill, partners_from, misbehaving, pictures, workers, json)
 
 
 @app.command

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
@@ -52,4 +53,23 @@ class LearnFlags:
     topology: Annotated[Literal["left-right", "cyclic", "free"], Parameter(help="Which transitions exist.")] = "left-right"
     restarts: Annotated[int, Parameter(help="Attempts from different first guesses; the most likely model wins.")] = 1
     seed: Annotated[int, Parameter(help="Of the random first guesses.")] = 0
+    stream: Annotated[
+        bool,
+        Parameter(negative="", help="Read the files again in every pass instead of keeping them in memory; Parquet always is."),
+    ] = False
+    checkpoint: Annotated[Path | None, Parameter(help="With --stream: keep progress here, and go on from it if it exists.")] = (
+        None
+    )
+    stepwise: Annotated[int, Parameter(help="With --stream: passes of stepwise EM first; saves passes over very large data.")] = 0
+    workers: Annotated[int, Parameter(help="With --stream: processes; 0 is one a core.")] = 0
     no_force: Annotated[bool, Parameter(negative="", help="Position and velocity only.")] = False
+
+
+@dataclass(frozen=True)
+class BackendFlags:
+    """Where independent work runs."""
+
+    backend: Annotated[
+        Literal["processes", "dask"], Parameter(help="Where many runs or fits are shared out: here, or on a Dask cluster.")
+    ] = "processes"
+    address: Annotated[str | None, Parameter(help="The Dask scheduler's, e.g. tcp://10.0.0.5:8786.")] = None

@@ -33,6 +33,10 @@ class ParameterError(ComanipError):
     """A parameter outside what is allowed."""
 
 
+class BackendError(ComanipError):
+    """A cluster that was asked for and cannot be used: absent, unreachable, or of another version."""
+
+
 class InternalError(ComanipError):
     """A law of the method was broken (for example a likelihood that fell): a defect of comanip, please report it."""
 

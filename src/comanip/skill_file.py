@@ -6,9 +6,7 @@ so float64 comes back exactly. The reader is strict: what it does not know, or c
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ from .errors import ComanipError, SkillFileError
 from .learned import LearnedSkill
 from .models.gmm import Gmm
 from .models.hmm import Hmm
+from .sealed import digest, write_whole
 
 FORMAT, VERSION = "comanip.skill", 1
 _FIELDS = frozenset("format version role law settings axes dt_s units workspace_m ends_m model clock provenance sha256".split())
@@ -26,19 +25,7 @@ _FIELDS = frozenset("format version role law settings axes dt_s units workspace_
 
 def save(learned: LearnedSkill, path: str | Path) -> None:
     """Writes the file whole or not at all: a crash leaves the old one untouched."""
-    path = Path(path)
-    text = json.dumps(to_json(learned), indent=1, allow_nan=False) + "\n"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name[:40]}.{os.getpid()}.tmp")
-    try:
-        with open(temporary, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+    write_whole(Path(path), json.dumps(to_json(learned), indent=1, allow_nan=False) + "\n")
 
 
 def load(path: str | Path) -> LearnedSkill:
@@ -92,7 +79,7 @@ def to_json(learned: LearnedSkill) -> dict[str, Any]:
         },
         "provenance": json.loads(json.dumps(dict(learned.provenance))),
     }
-    content["sha256"] = _digest(content)
+    content["sha256"] = digest(content)
     return content
 
 
@@ -107,7 +94,7 @@ def from_json(content: Any) -> LearnedSkill:
     stray, absent = sorted(set(content) - _FIELDS), sorted(_FIELDS - set(content))
     if stray or absent:
         raise SkillFileError(f"unknown fields {stray}, missing fields {absent}")
-    if content["sha256"] != _digest(content):
+    if content["sha256"] != digest(content):
         raise SkillFileError("the content does not match its sha256: it was damaged or edited by hand")
     model, clock = content["model"], content["clock"]
     return LearnedSkill(
@@ -138,11 +125,6 @@ def _array(part: Mapping[str, Any], name: str) -> np.ndarray:
     if not np.isfinite(array).all():
         raise SkillFileError(f"{name} holds a value that is not finite")
     return array
-
-
-def _digest(content: Mapping[str, Any]) -> str:
-    rest = {k: v for k, v in content.items() if k != "sha256"}
-    return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def _no_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -16,11 +16,14 @@ from ..demonstration import Demonstration
 from ..errors import ParameterError, SkillFileError
 from ..learned import LAWS, STATES, LearnedSkill
 from ..learned import learn as learn_skill
-from .console import print_json, progress, table
-from .reading import read_each, read_lessons, read_recordings
+from .console import print_json, progress, stages, table
+from .reading import read_each, read_lessons, read_recordings, reader_of
 
 
 def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, json: bool) -> None:
+    if flags.stream or any(f.suffix == ".parquet" or (f / "data").is_dir() for f in files):
+        _learn_stream(files, out, data, flags, json)
+        return
     started = time.perf_counter()
     lessons = read_lessons(files, data)
     read_s = time.perf_counter() - started
@@ -46,6 +49,34 @@ def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, 
         f"learned from {len(lessons)} recordings, {what['n_frames']} frames at {1 / learned.dt:g} Hz, in {learn_s:.2f} s; "
         f"log-likelihood per frame {what['log_likelihood'][-1] / what['n_frames']:.3f}"
     )
+    _print_notes(learned.notes)
+
+
+def _learn_stream(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, json: bool) -> None:
+    from ..shards import files_of
+    from ..streamed import learn_stream
+
+    if flags.states == "auto" or flags.restarts != 1:
+        raise ParameterError("--states auto and --restarts need data in memory; try them on some of the files without --stream")
+    paths = files_of(files)
+    read, names, dt = reader_of(files, paths, data, with_force=not flags.no_force)
+    started = time.perf_counter()
+    with stages() as report:
+        learned = learn_stream(
+            paths, read=read, channels=names, dt=dt, role=data.role or "", law=flags.law, topology=flags.topology,
+            n_states=int(flags.states) if flags.states.isdigit() else None, stepwise_passes=flags.stepwise,
+            checkpoint=flags.checkpoint, n_jobs=flags.workers or -1, progress=report,
+        )  # fmt: skip
+    learn_s = time.perf_counter() - started
+    skill_file.save(learned, out)
+    if json:
+        print_json({"skill": str(out), **_summary(learned), "learn_s": round(learn_s, 4)})
+        return
+    what = learned.provenance
+    print(
+        f"{out}: {learned.role or 'role not stated'}, law {learned.law}, {learned.model.n_states} states over {', '.join(names)}"
+    )
+    print(f"learned from {len(paths)} files, {what['n_frames']} frames at {1 / dt:g} Hz, in {learn_s:.1f} s")
     _print_notes(learned.notes)
 
 

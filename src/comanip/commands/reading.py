@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ..cli_flags import DataFlags
 from ..demonstration import Demonstration, Preparation, demonstrations
 from ..errors import ParameterError, RecordingError
 from ..formats import read
-from ..formats.columns import Columns
+from ..formats.columns import Columns, split_columns
 from ..interaction import Payload
 from ..recording import Recording
+from ..shards import ParquetShards, RecordingShards, rate_of
 
 
 def columns_of(flags: DataFlags) -> Columns:
@@ -57,6 +60,33 @@ def read_each(files: Sequence[Path], flags: DataFlags) -> tuple[Demonstration, .
     """Demonstrations that need not belong together: what a finished skill is held against."""
     preparation = preparation_of(flags)
     return tuple(lesson for r in read_recordings(files, flags) for lesson in demonstrations([r], preparation))
+
+
+def reader_of(
+    files: Sequence[Path], paths: Sequence[str], flags: DataFlags, *, with_force: bool
+) -> tuple[Any, tuple[str, ...], float]:
+    """(reader, channels, period [s]) for shards: Parquet by the columns that the flags name, other formats as always."""
+    groups = ("position", "force", "velocity") if with_force else ("position", "velocity")
+    if not all(p.endswith(".parquet") for p in paths):
+        preparation = preparation_of(flags)
+        first = read_lessons([Path(paths[0])], flags)[0]
+        names = tuple(c for c in first.channels if c.split(".")[0] in groups)
+        preparation = replace(preparation, rate_hz=preparation.rate_hz or 1.0 / first.dt)
+        return RecordingShards(names, columns_of(flags), preparation, flags.recover), names, first.dt
+    columns: dict[str, str] = {}
+    axes = [a.strip() for a in (flags.axes or "z").split(",")]
+    for group in groups:
+        given = split_columns(getattr(flags, group) or "")
+        if len(given) != len(axes):
+            raise ParameterError(
+                f"--{group} names {len(given)} Parquet columns for the axes {', '.join(axes)}; give one an axis, for example "
+                f"--{group} 'observation.state[0]'" + ("; or --no-force" if group == "force" else "")
+            )
+        columns |= {f"{group}.{axis}": column for axis, column in zip(axes, given, strict=True)}
+    rate = flags.rate_hz or next((r for f in files if (r := rate_of(f))), None)
+    if rate is None:
+        raise ParameterError("Parquet files do not say at which rate their frames come; give --rate-hz")
+    return ParquetShards(columns), tuple(columns), 1.0 / rate
 
 
 def preparation_of(flags: DataFlags, min_frames: int = 4) -> Preparation:

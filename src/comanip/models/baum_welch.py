@@ -100,14 +100,24 @@ def allowed_transitions(topology: str, n_states: int) -> np.ndarray:
 
 
 def from_labels(lessons: Lessons, labels: np.ndarray, allowed: np.ndarray, floor: float, topology: str) -> Chain:
-    n = len(allowed)
+    counts, initial = label_counts(lessons, labels, len(allowed))
+    means, covariances = gaussians_of_labels(lessons.z, labels, len(allowed), floor)
+    return from_counts(counts, initial, means, covariances, allowed, topology)
+
+
+def label_counts(lessons: Lessons, labels: np.ndarray, n_states: int) -> tuple[Array, Array]:
+    """How often each label follows each, (K, K), and begins a lesson, (K,)."""
     first = lessons.first_frames()
     inside = np.setdiff1d(np.arange(1, len(labels)), first)
-    counts = np.zeros((n, n))
+    counts = np.zeros((n_states, n_states))
     np.add.at(counts, (labels[inside - 1], labels[inside]), 1.0)
+    return counts, np.bincount(labels[first], minlength=n_states).astype(float)
+
+
+def from_counts(counts: Array, first: Array, means: Array, covariances: Array, allowed: np.ndarray, topology: str) -> Chain:
+    n = len(allowed)
     # EM cannot bring a zero back to life, so every allowed transition starts with something
     counts = (counts + 0.5 + 0.05 * counts.sum(axis=1, keepdims=True) / n) * allowed
-    initial = np.bincount(labels[first], minlength=n) / len(first)
+    initial = first / first.sum()
     initial = np.eye(n)[0] if topology == "left-right" else 0.95 * initial + 0.05 / n
-    means, covariances = gaussians_of_labels(lessons.z, labels, n, floor)
     return Chain(initial, counts / counts.sum(axis=1, keepdims=True), means, covariances)

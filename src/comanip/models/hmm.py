@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -25,7 +25,7 @@ from .learning import (
     say_converged,
     say_unvisited,
 )
-from .lessons import Lessons, prepare
+from .lessons import Coordinates, Lessons, prepare
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +217,12 @@ def fit_hmm(
         if best is None or found[1][-1] > best[1][-1]:
             best = found
     assert best is not None
-    return _finished(*best, lessons=lessons, topology=topology, allowed=allowed)
+    weights = _weights(best[0], lessons)
+    occupancy = weights.sum(axis=0)
+    return finished(
+        *best, ground=lessons, topology=topology, allowed=allowed, occupancy=occupancy,
+        time=lambda: lessons.normalised_time() @ weights, score=lambda p: expect(p, lessons)[0],
+    )  # fmt: skip
 
 
 def _from_model(lessons: Lessons, guess: Hmm, n_states: int, allowed: np.ndarray, floor: float) -> Chain:
@@ -233,35 +238,47 @@ def _from_model(lessons: Lessons, guess: Hmm, n_states: int, allowed: np.ndarray
     return Chain(guess.initial.copy(), rows / rows.sum(axis=1, keepdims=True), means, floored(covariances, floor))
 
 
-def _finished(p: Chain, trace: Array, converged: bool, *, lessons: Lessons, topology: str, allowed: np.ndarray) -> Fit[Hmm]:
-    """Back to the channels' units, states in order of time, unvisited ones removed and reported."""
-    weights = _weights(p, lessons)
-    occupancy = weights.sum(axis=0)
+def finished(
+    p: Chain,
+    trace: Array,
+    converged: bool,
+    *,
+    ground: Coordinates,
+    topology: str,
+    allowed: np.ndarray,
+    occupancy: Array,
+    time: Callable[[], Array],
+    score: Callable[[Chain], float],
+) -> Fit[Hmm]:
+    """Back to the channels' units, states in order of time, unvisited ones removed and reported.
+
+    occupancy (K,) Σγ over all frames; time() the same times the normalised time; score the log-likelihood in z.
+    """
     unvisited = np.flatnonzero(occupancy < UNVISITED)
-    say_unvisited(unvisited, len(occupancy), lessons.notes)
-    say_converged(converged, len(trace) - 1, lessons.notes)
+    say_unvisited(unvisited, len(occupancy), ground.notes)
+    say_converged(converged, len(trace) - 1, ground.notes)
     order = np.arange(len(occupancy))
     if topology != "left-right":
-        order = np.argsort(lessons.normalised_time() @ weights / np.maximum(occupancy, 1e-300), kind="stable")
+        order = np.argsort(time() / np.maximum(occupancy, 1e-300), kind="stable")
     order = order[~np.isin(order, unvisited)]
     p = Chain(p.initial[order], p.transition[np.ix_(order, order)], p.means[order], p.covariances[order])
     rows = p.transition + np.diag(p.transition.sum(axis=1) <= 0.0)
     p = p._replace(initial=p.initial / p.initial.sum(), transition=rows / rows.sum(axis=1, keepdims=True))
     if len(unvisited):
-        trace = np.append(trace[:-1], expect(p, lessons)[0])
-    means, covariances = lessons.original(p.means, p.covariances)
-    trace = trace - lessons.log_volume
+        trace = np.append(trace[:-1], score(p))
+    means, covariances = ground.original(p.means, p.covariances)
+    trace = trace - ground.log_volume
     trace.setflags(write=False)
     n, d = means.shape
     free = (0 if topology == "left-right" else n - 1) + int((allowed[np.ix_(order, order)].sum(axis=1) - 1).clip(0).sum())
     free += n * d + n * d * (d + 1) // 2
     return Fit(
-        model=Hmm(p.initial, p.transition, means, covariances, lessons.channels),
+        model=Hmm(p.initial, p.transition, means, covariances, ground.channels),
         log_likelihood=trace,
         converged=converged,
-        notes=tuple(lessons.notes),
-        bic=float(-2.0 * trace[-1] + free * np.log(lessons.n_frames)),
-        n_frames=lessons.n_frames,
+        notes=tuple(ground.notes),
+        bic=float(-2.0 * trace[-1] + free * np.log(ground.n_frames)),
+        n_frames=ground.n_frames,
     )
 
 

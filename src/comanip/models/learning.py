@@ -51,16 +51,18 @@ def climb(
     *,
     max_iterations: int,
     rise: float,
+    trace: list[float] | None = None,
 ) -> tuple[Parameters, Array, bool]:
     """Expectation-maximisation until the log-likelihood rises by less than `rise`.
 
     Never returns a model it has not scored. A likelihood that falls breaks a theorem, so it raises InternalError
-    instead of being called convergence.
+    instead of being called convergence. `trace`, to go on from a climb that was interrupted: its log-likelihoods before
+    `parameters`; it is appended to.
     """
     if max_iterations < 0:
         raise ParameterError(f"max_iterations must not be negative; got {max_iterations!r}")
-    trace: list[float] = []
-    for iteration in range(max_iterations + 1):
+    trace = [] if trace is None else trace
+    for iteration in range(len(trace), max_iterations + 1):
         log_likelihood, statistics = expect(parameters)
         trace.append(log_likelihood)
         if iteration:

@@ -37,8 +37,32 @@ class Notes(list[str]):
         warnings.warn(text, ComanipWarning, stacklevel=level)
 
 
+class Coordinates:
+    """What has a way between the channels' units and z: x = offset + scale·z."""
+
+    offset: Array
+    scale: Array
+    channels: tuple[str, ...]
+    notes: Notes
+
+    @property
+    def n_frames(self) -> int:
+        raise NotImplementedError
+
+    @property
+    def log_volume(self) -> float:
+        """Σ log scale over all frames: subtract it from a log-likelihood in z to have the one in x."""
+        return float(self.n_frames * np.log(self.scale).sum())
+
+    def standardised(self, means: Array, covariances: Array) -> tuple[Array, Array]:
+        return (means - self.offset) / self.scale, covariances / np.outer(self.scale, self.scale)
+
+    def original(self, means: Array, covariances: Array) -> tuple[Array, Array]:
+        return self.offset + self.scale * means, covariances * np.outer(self.scale, self.scale)
+
+
 @dataclass(frozen=True, eq=False)
-class Lessons:
+class Lessons(Coordinates):
     """z (N, D) standardised frames of S demonstrations stacked, lengths (S,); the way back is x = offset + scale·z."""
 
     z: Array
@@ -52,11 +76,6 @@ class Lessons:
     def n_frames(self) -> int:
         return len(self.z)
 
-    @property
-    def log_volume(self) -> float:
-        """Σ log scale over all frames: subtract it from a log-likelihood in z to have the one in x."""
-        return float(self.n_frames * np.log(self.scale).sum())
-
     @cached_property
     def groups(self) -> kernels.Plan:
         """Which lessons the compiled E-step takes side by side."""
@@ -68,12 +87,6 @@ class Lessons:
 
     def first_frames(self) -> np.ndarray:
         return np.concatenate([[0], np.cumsum(self.lengths)[:-1]])
-
-    def standardised(self, means: Array, covariances: Array) -> tuple[Array, Array]:
-        return (means - self.offset) / self.scale, covariances / np.outer(self.scale, self.scale)
-
-    def original(self, means: Array, covariances: Array) -> tuple[Array, Array]:
-        return self.offset + self.scale * means, covariances * np.outer(self.scale, self.scale)
 
 
 def prepare(
@@ -92,7 +105,7 @@ def prepare(
         raise ParameterError(f"n_states must be a whole number of at least 1; got {n_states!r}")
     if not 0.0 < covariance_floor < 1.0:
         raise ParameterError(f"covariance_floor is a ratio of variances between 0 and 1; got {covariance_floor!r}")
-    arrays = [_checked(x, s, names) for s, x in enumerate(sequences)]
+    arrays = [checked(x, s, names) for s, x in enumerate(sequences)]
     notes = Notes()
     arrays = _long_enough(arrays, n_states, least_frames, notes)
     x = np.concatenate(arrays)
@@ -106,7 +119,7 @@ def prepare(
     return Lessons(z, lengths, offset, scale, names, notes)
 
 
-def _checked(values: Any, sequence: int, names: tuple[str, ...]) -> Array:
+def checked(values: Any, sequence: int, names: tuple[str, ...]) -> Array:
     try:
         x = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -173,8 +186,23 @@ def _spread(
 ) -> Array:
     """Pooled standard deviation of each channel; a constant channel has none, so the caller must state one."""
     scale = np.sqrt(np.mean((x - offset) ** 2, axis=0))
+    stated_spread(scale, x.min(axis=0), x.max(axis=0), names, n_demonstrations, covariance_floor, allow_constant, notes)
+    return scale
+
+
+def stated_spread(
+    scale: Array,
+    low: Array,
+    high: Array,
+    names: tuple[str, ...],
+    n_demonstrations: int,
+    covariance_floor: float,
+    allow_constant: float | Mapping[str, float] | None,
+    notes: Notes,
+) -> None:
+    """Replaces the spread of channels that never change, `low` = `high`, by what the caller states; TrainingError if nothing."""
     # the mean of equal numbers is off by rounding, so compare extremes instead of asking for scale == 0
-    constant = np.ptp(x, axis=0) <= 8.0 * np.finfo(float).eps * np.abs(x).max(axis=0)
+    constant = high - low <= 8.0 * np.finfo(float).eps * np.maximum(np.abs(low), np.abs(high))
     allowed = allow_constant if isinstance(allow_constant, Mapping) else {name: allow_constant for name in names}
     by_name = {column: value for name, value in allowed.items() for column in expand(name, names)}
     for column in np.flatnonzero(constant):
@@ -182,14 +210,13 @@ def _spread(
         stated = by_name.get(name)
         if stated is None:
             raise TrainingError(
-                f"{name} is constant {x[0, column]:.3f} in all demonstrations ({n_demonstrations} of them): a dead "
+                f"{name} is constant {low[column]:.3f} in all demonstrations ({n_demonstrations} of them): a dead "
                 "sensor? Leave the channel out, or state its noise with allow_constant=<standard deviation>"
             )
         if not (np.isfinite(stated) and stated > 0.0):
             raise ParameterError(f"allow_constant is a standard deviation above 0 in the channel's unit; got {stated!r}")
         scale[column] = stated / np.sqrt(covariance_floor)  # so that the relative floor becomes the stated one
-        notes.say(f"{name} is constant {x[0, column]:.3f}; trained with the stated standard deviation {stated:g}")
-    return scale
+        notes.say(f"{name} is constant {low[column]:.3f}; trained with the stated standard deviation {stated:g}")
 
 
 def _look_for_repeats(arrays: list[Array], scale: Array, notes: Notes) -> None:

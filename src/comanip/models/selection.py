@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ..engine import each
 from ..errors import ParameterError
 from ..interfaces import Array
 from .hmm import fit_hmm, log_likelihood
@@ -44,8 +45,9 @@ def select_states(
 ) -> Selection:
     """Learns with each number of states and chooses the best; `fit_options` go to `fit_hmm`.
 
-    n_jobs  processes; −1 is one a core. The same seed gives the same scores whatever their number: each fit draws from a
-            generator of its own, spawned from `rng` in a fixed order.
+    n_jobs  processes; −1 is one a core; inside `comanip.backend("dask", ...)` the whole cluster. The same seed
+            gives the same scores whatever their number: each fit draws from a generator of its own, spawned from `rng`
+            in a fixed order.
 
     BIC counts frames as if independent, so it tends to too many states for smooth motions at a high rate; leaving
     demonstrations out (`folds`, default one at a time) asks what matters: does it hold for a demonstration not seen?
@@ -75,12 +77,11 @@ def _all(work: Sequence[tuple[Any, ...]], n_jobs: int, options: dict[str, Any]) 
     rng = options.pop("rng", None)
     own = rng.spawn(len(work)) if rng is not None else [None] * len(work)
     tasks = [(*item, options if r is None else {**options, "rng": r}) for item, r in zip(work, own, strict=True)]
-    if n_jobs == 1:
-        return [score(*rest) for score, *rest in tasks]
-    from joblib import Parallel, delayed
+    return list(each(_score, reversed(tasks), n_jobs=n_jobs))[::-1]
 
-    backwards = Parallel(n_jobs=n_jobs)(delayed(score)(*rest) for score, *rest in reversed(tasks))
-    return list(reversed(backwards))
+
+def _score(score: Callable[..., float], *arguments: Any) -> float:
+    return score(*arguments)
 
 
 def _bic(sequences: Sequence[Any], k: int, names: tuple[str, ...], options: dict[str, Any]) -> float:

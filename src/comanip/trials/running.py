@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from ..engine import each
 from ..errors import ParameterError
 from ..interaction import TaringInteractionForce, gravity_along
 from ..interfaces import Partner, Plant, Skill
@@ -75,20 +76,14 @@ def run_cases(
 ) -> list[Verdict]:
     """One verdict a case, in order, by any number of processes (0: one a core): the same numbers for the same cases.
 
+    Inside `comanip.backend("dask", ...)` the workers of that cluster do it.
+
     learned   skills by role; a case whose role is "auto" needs leader and follower
     law       one of `contestants.LAWS`
     """
-    from joblib import Parallel, cpu_count, delayed
-
-    n_jobs = cpu_count() if workers == 0 else workers
     verdicts: list[Verdict] = []
-    results: Iterator[Verdict]
-    if n_jobs == 1:
-        results = (one_verdict(case, learned, law, plant, dt, partner) for case in cases)
-    else:
-        jobs = (delayed(one_verdict)(case, learned, law, plant, dt, partner) for case in cases)
-        results = Parallel(n_jobs=n_jobs, return_as="generator")(jobs)
-    for verdict in results:
+    work = [(case, learned, law, plant, dt, partner) for case in cases]
+    for verdict in each(one_verdict, work, n_jobs=workers or -1):
         verdicts.append(verdict)
         if progress is not None:
             progress(len(verdicts), len(cases))

@@ -1,0 +1,141 @@
+"""Where independent work runs: here, in processes of this machine, or on a Dask cluster. Same work, same bits.
+
+`each` maps a function over work and gives the results in order: through joblib on this machine, and inside
+
+    with comanip.backend("dask", address="tcp://scheduler:8786"):
+        select_states(lessons, range(3, 13), channels=names)
+
+on the workers of that cluster. Not through joblib's own Dask backend: in 1.6 an error on a worker, even a file that is missing
+there, makes it wait for ever, and what it scatters is lost with the worker that holds it.
+
+The bits are equal as long as all machines have one instruction set; COMANIP_KERNELS=avx2 settles that for a mixed cluster.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any
+
+from . import __version__
+from .errors import BackendError, ParameterError
+
+BACKENDS = ("processes", "dask")
+PATIENCE_S = 10.0  # for a scheduler to answer, and for its first worker
+AHEAD = 4  # calls a thread of the cluster that are handed out before their turn: enough that none waits, too few to fill memory
+
+_cluster: ContextVar[Any] = ContextVar("_cluster", default=None)
+
+
+@contextmanager
+def backend(name: str = "processes", *, address: str | None = None) -> Iterator[None]:
+    """While it lasts, `each` and everything built on it run there.
+
+    name     "processes": of this machine, as many as the caller asks for. "dask": a cluster, by its scheduler's `address`
+    address  for example tcp://10.0.0.5:8786
+
+    Raises BackendError when dask is not installed, nobody listens within 10 s, or a worker has another comanip; ParameterError
+    for a name that is unknown or an address without a cluster.
+    """
+    if name not in BACKENDS:
+        raise ParameterError(f"backend {name!r} is unknown; there are: {', '.join(BACKENDS)}")
+    if (name == "dask") != bool(address):
+        raise ParameterError(
+            "backend 'dask' needs the scheduler's address, for example tcp://10.0.0.5:8786"
+            if name == "dask"
+            else f"address {address!r} is for backend 'dask'; processes of this machine have none"
+        )
+    if name == "processes":
+        yield
+        return
+    client = _client(str(address))
+    token = _cluster.set(client)
+    try:
+        yield
+    finally:
+        _cluster.reset(token)
+        client.close()
+
+
+def each(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], *, n_jobs: int = 1) -> Iterator[Any]:
+    """function(*item) of every item, in order; n_jobs processes (−1: one a core), or the whole cluster of `backend`.
+
+    What a call raises is raised here, in its turn. A call whose worker dies is made again by another; a call that has lost four
+    workers is taken for the cause, and BackendError says so.
+    """
+    client = _cluster.get()
+    if client is not None:
+        return _on_cluster(client, function, work)
+    if n_jobs == 1:
+        return (function(*item) for item in work)
+    from joblib import Parallel, delayed
+
+    results: Iterator[Any] = Parallel(n_jobs=n_jobs, return_as="generator")(delayed(function)(*item) for item in work)
+    return results
+
+
+def _on_cluster(client: Any, function: Callable[..., Any], work: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+    from distributed import KilledWorker
+
+    waiting: deque[Any] = deque()
+    items = iter(work)
+    more = True
+    try:
+        while more or waiting:
+            room = max(AHEAD * sum(client.nthreads().values()), 1) - len(waiting)  # workers come and go
+            while more and room > 0:
+                try:
+                    item = next(items)
+                except StopIteration:
+                    more = False
+                else:
+                    waiting.append(client.submit(function, *item, pure=False))
+                    room -= 1
+            if waiting:
+                yield waiting.popleft().result()
+    except KilledWorker as error:
+        raise BackendError(f"workers died one after another over the same call: {error}; too little memory there?") from None
+    finally:
+        if waiting and client.status == "running":  # somebody stopped asking
+            client.cancel(list(waiting))
+
+
+def _client(address: str) -> Any:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise BackendError(
+            "backend 'dask' needs the package distributed, which is absent: pip install 'comanip[cluster]'"
+        ) from None
+    try:
+        client = Client(address, timeout=PATIENCE_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise BackendError(
+            f"no Dask scheduler answers at {address} within {PATIENCE_S:g} s ({type(error).__name__}); start one with "
+            "'dask scheduler', workers with 'dask worker tcp://host:8786', and give the address that it prints"
+        ) from None
+    try:
+        _check_workers(client, address)
+    except BaseException:
+        client.close()
+        raise
+    return client
+
+
+def _check_workers(client: Any, address: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE_S)
+    except TimeoutError:
+        raise BackendError(
+            f"the Dask scheduler at {address} has no worker after {PATIENCE_S:g} s; start some with 'dask worker {address}'"
+        ) from None
+    for worker, found in client.run(_version, on_error="return").items():
+        if found != __version__:
+            what = f"has comanip {found}" if isinstance(found, str) else f"cannot import comanip ({found})"
+            raise BackendError(f"Dask worker {worker} {what}; all need {__version__}, as here: install it there")
+
+
+def _version() -> str:
+    return __version__
