@@ -220,7 +220,7 @@ def command(*arguments):
 def test_the_command_draws_what_was_asked_for(tmp_path, capsys):
     from comanip.commands.figures import figures as command_figures
 
-    command_figures([6], tmp_path, 0, True)
+    command_figures([6], tmp_path, 0, "beam", True)
     result = json.loads(capsys.readouterr().out)
     assert result["passed"] is True
     assert list(result["figures"]) == ["6"]
@@ -232,14 +232,14 @@ def test_the_command_says_which_claim_fails(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(figure_4, "SPREADS_M", {"consistent": 0.012, "variable": 0.012})
     with pytest.raises(SystemExit, match="1"):
-        command_figures([4], tmp_path, 0, False)
+        command_figures([4], tmp_path, 0, "beam", False)
     assert "failed: Fig. 4: 2 cm beside the path" in capsys.readouterr().err
 
 
 def test_a_number_without_figure_lists_those_there_are(tmp_path):
     done = command("8", "--out", str(tmp_path))
     assert done.returncode == 2
-    assert "there is no Fig. 8 to draw; there are: 2, 3, 4, 5, 6, 7" in done.stderr
+    assert "there is no Fig. 8 to draw; there are: 1, 2, 3, 4, 5, 6, 7" in done.stderr
 
 
 def test_the_letter_is_the_papers_law():
