@@ -515,7 +515,7 @@ def test_doubt_complies_at_once_and_trust_returns_in_half_a_second():
     assert bench.envelope.notice == "COMPLY: unlike what was taught"
     trust[0] = 1.0
     speeds = bench.ticks(50)
-    assert speeds[24] == pytest.approx(0.125, abs=0.005)
+    assert speeds[24] == pytest.approx(0.5 * 0.2 + 0.5 * 4.0 / ROOM.comply_damping_ns_per_m, abs=0.005)
     assert speeds[-1] == pytest.approx(0.2)
     bench.envelope._tells = lambda obs: 1 / 0
     bench.tick()
