@@ -250,6 +250,53 @@ def test_C11_a_free_motion_that_nobody_held_is_not_let_go():
     assert bench.envelope.mode == "RUN"
 
 
+WEIGHT = 9.8  # [N] this hand's share of an object that two carry
+
+
+def weighed():
+    """Has carried its share at rest, then moves: F = 0 while the partner carries his, -WEIGHT when he does not."""
+    bench = Bench(start=0.2)
+    bench.ticks(30, 0.0, 0.0, sensor_force=-WEIGHT)
+    for n in range(40):
+        bench.tick(0.1, 0.0, sensor_force=-WEIGHT + 1e-3 * (n % 3))
+    assert bench.envelope.mode == "RUN"
+    return bench
+
+
+def pulls(bench, forces):
+    """Until HOLD, under these interaction forces; gives how many ticks passed."""
+    for n, force in enumerate(forces):
+        bench.tick(0.1, force, sensor_force=force - WEIGHT + 1e-3 * (n % 3))
+        if bench.held:
+            return n
+    return len(forces)
+
+
+def test_C11_who_carries_the_whole_object_knows_that_the_partner_let_go():
+    bench = weighed()
+    assert 15 < pulls(bench, [-WEIGHT] * 100) <= 40
+    assert_holds(bench, "let go: the hand carries the whole object")
+
+
+def test_C11_an_object_that_swings_on_the_wrist_is_let_go_all_the_same():
+    bench = weighed()
+    assert pulls(bench, [-WEIGHT + 8.0 * np.cos(2 * np.pi * 10.0 * n * DT) for n in range(100)]) <= 40
+    assert bench.held == "let go: the hand carries the whole object"
+
+
+@pytest.mark.parametrize("kind", ["slowly", "for a moment", "harder"])
+def test_C11_who_pulls_down_has_not_let_go(kind):
+    """The whole weight, but by and by; or at once, but for 0.15 s; or more than the whole."""
+    bench = weighed()
+    forces = {
+        "slowly": [-WEIGHT * min(n / 150, 1.0) for n in range(300)],
+        "for a moment": [-WEIGHT if n < 15 else 0.0 for n in range(100)],
+        "harder": [-1.5 * WEIGHT if n < 100 else 0.0 for n in range(150)],
+    }[kind]
+    pulls(bench, forces)
+    assert bench.held == ""
+
+
 def test_C12_a_blocking_partner_meets_a_bounded_force_then_compliance():
     bench = moving(0.05, 0.0)
     wall, forces = bench.hand[0] + 0.001, []
