@@ -95,6 +95,14 @@ DEFECTS = [
         "float(inner.position[i])",
     ),
     ("first tick counts as old", "if self._first:", "if False:"),
+    ("object never weighed", "if self._weighed < 25:", "if self._weighed < 10**9:"),
+    ("weighed at half", "(f - w) / self._weighed for", "0.5 * (f - w) / self._weighed for"),
+    ("missing pull of one sample", "max(round(ALONE_MEAN_S / self._dt), 1)", "1"),
+    ("a slow pull is letting go", "and (self._missing_s > 0.0 or self._gone_s < 4.0 * limits.sudden_s)", ""),
+    ("no loss is sudden", "> 0.5 * load else", "> 5.0 * load else"),
+    ("let go in a moment", "if self._missing_s > limits.alone_s:", "if self._missing_s > 0.0:"),
+    ("the whole object never noticed", "if self._missing_s > limits.alone_s:", "if False:"),
+    ("a pull beyond the weight is letting go", "missing = sqrt(sum(p * p for p in pulls))", "missing = min(pulls)"),
 ]
 
 

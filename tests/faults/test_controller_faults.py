@@ -257,6 +257,7 @@ def weighed():
     """Has carried its share at rest, then moves: F = 0 while the partner carries his, -WEIGHT when he does not."""
     bench = Bench(start=0.2)
     bench.ticks(30, 0.0, 0.0, sensor_force=-WEIGHT)
+    assert bench.envelope._weight == pytest.approx([-WEIGHT], abs=0.05)
     for n in range(40):
         bench.tick(0.1, 0.0, sensor_force=-WEIGHT + 1e-3 * (n % 3))
     assert bench.envelope.mode == "RUN"
