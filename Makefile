@@ -9,7 +9,7 @@ demo: $(VENV)/.demo
 	$(BIN)/comanip demo --out out
 
 test: $(VENV)/.test
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
