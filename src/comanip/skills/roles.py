@@ -1,10 +1,10 @@
 """Who leads? Evidence from the learned models, and a skill that leads or follows by it.
 
 `RoleEvidence` keeps a probability over what the robot is just now: the leader (force as in the leader's lessons), the follower
-(as in the follower's), sharing (as in natural lessons, if there are any), or neither. `RoleSkill` begins as it
-is told, or as a follower when it is told nothing: it follows whoever moves, takes over when nobody does, and gives way to a
-partner who insists. Between the two it is one law all the time,
-with one compliance state, so a change of role is a change of numbers and never a jump:
+(as in the follower's), sharing (as in natural lessons, if there are any), or neither. `RoleSkill` begins as it is told, or as
+a follower when it is told nothing: it follows whoever moves, takes over when nobody does, and gives way to a partner who
+insists. Between the two it is one law all the time, with one compliance state, so a change of role is a change of numbers and
+never a jump:
 
     M(a) dc/dt = dz(F - a F_r) - D(a) c        v = a (s' v_r(s) + lambda (x_r - x)) + c        |da/dt| <= 1 / blend_s
 """
