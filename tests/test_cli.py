@@ -150,3 +150,5 @@ def test_a_lerobot_folder_is_learned_from_without_being_loaded(tmp_path, lessons
     refused = comanip("learn", tmp_path, *columns[:2])
     assert refused.returncode == 2
     assert "--force names 0 Parquet columns" in refused.stderr
+    assert "--force-unit does not reach" in comanip("learn", tmp_path, *columns, "--force-unit", "gf").stderr
+    assert "--states 'ten'" in comanip("learn", tmp_path, *columns, "--states", "ten").stderr

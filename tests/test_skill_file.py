@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from comanip import skill_file
+from comanip import sealed, skill_file
 from comanip.errors import SkillFileError
 
 
@@ -82,7 +82,7 @@ def test_a_failed_write_leaves_the_old_file(skills, tmp_path, monkeypatch):
     path = tmp_path / "skill.json"
     skill_file.save(skills["leader"], path)
     before = path.read_bytes()
-    monkeypatch.setattr(skill_file.os, "fsync", lambda fd: (_ for _ in ()).throw(OSError("disk full")))
+    monkeypatch.setattr(sealed.os, "fsync", lambda fd: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
         skill_file.save(skills["follower"], path)
     assert path.read_bytes() == before

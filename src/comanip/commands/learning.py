@@ -58,6 +58,8 @@ def _learn_stream(files: Sequence[Path], out: Path, data: DataFlags, flags: Lear
 
     if flags.states == "auto" or flags.restarts != 1:
         raise ParameterError("--states auto and --restarts need data in memory; try them on some of the files without --stream")
+    if flags.states not in ("", "default") and not flags.states.isdigit():
+        raise ParameterError(f"--states {flags.states!r}; give a number")
     paths = files_of(files)
     read, names, dt = reader_of(files, paths, data, with_force=not flags.no_force)
     started = time.perf_counter()

@@ -16,6 +16,9 @@ from ..interaction import Payload
 from ..recording import Recording
 from ..shards import ParquetShards, RecordingShards, rate_of
 
+NOT_FOR_PARQUET = ("sensor_force", "time", "resample_hz", "extra", "position_unit", "velocity_unit", "force_unit", "time_unit",
+                   "load_mass_kg", "trim_rest_s", "drop_bad", "split_gaps")  # fmt: skip
+
 
 def columns_of(flags: DataFlags) -> Columns:
     extra = {}
@@ -73,6 +76,10 @@ def reader_of(
         names = tuple(c for c in first.channels if c.split(".")[0] in groups)
         preparation = replace(preparation, rate_hz=preparation.rate_hz or 1.0 / first.dt)
         return RecordingShards(names, columns_of(flags), preparation, flags.recover), names, first.dt
+    for name in NOT_FOR_PARQUET:
+        if getattr(flags, name) not in (None, False):
+            flag = "--" + name.replace("_", "-")
+            raise ParameterError(f"{flag} does not reach Parquet files: they are streamed as they are, in SI units, at one rate")
     columns: dict[str, str] = {}
     axes = [a.strip() for a in (flags.axes or "z").split(",")]
     for group in groups:

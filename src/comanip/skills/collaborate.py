@@ -18,7 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import exp, isfinite, pi, sqrt
+from math import copysign, exp, isfinite, pi, sqrt
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -71,37 +72,43 @@ class CollaborativeLaw:
 
 
 class Compliance:
-    """The mass-damper c of the law, in d axes; `velocity` (d,) [m/s] is rewritten by `step`."""
+    """The mass-damper c of the law, in d axes; `velocity` (d,) [m/s] is rewritten by `step`.
+
+    Here and below a tick is written in plain floats: on one to three axes numpy's calls cost five times the arithmetic.
+    """
 
     def __init__(self, n_axes: int, dt: float) -> None:
         self._dt = dt
-        self.velocity, self._slow = np.zeros(n_axes), np.zeros(n_axes)
+        self.velocity = np.zeros(n_axes)
         self.reset()
 
     def reset(self) -> None:
         self.velocity[:] = 0.0
-        self._slow[:] = 0.0
+        self._slow = [0.0] * len(self.velocity)
         self._shake = 0.0
 
     def step(self, law: CollaborativeLaw, excess: Array, reference: Array, feedforward: Array) -> None:
         """Damping is implicit, so any value is stable by itself at any dt."""
-        speed = max(_largest(self.velocity), _largest(reference))
+        c, off = self.velocity.tolist(), excess.tolist()
+        speed = max(_largest(c), _largest(reference.tolist()))
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest**2 * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
-        damping += self._against_shaking(law, excess)
+        damping += self._against_shaking(law, off)
         dead = law.dead_zone_n * rest
-        push = np.sign(excess) * np.maximum(np.abs(excess) - dead, 0.0)
         share = self._dt / law.virtual_mass_kg
-        self.velocity[:] = (self.velocity + share * push + self._dt * feedforward) / (1.0 + share * damping)
+        for i, (f, a) in enumerate(zip(off, feedforward.tolist(), strict=True)):
+            push = copysign(max(abs(f) - dead, 0.0), f)
+            self.velocity[i] = (c[i] + share * push + self._dt * a) / (1.0 + share * damping)
 
-    def _against_shaking(self, law: CollaborativeLaw, excess: Array) -> float:
+    def _against_shaking(self, law: CollaborativeLaw, excess: list[float]) -> float:
         """Damping [N s/m] to add while force oscillates faster than people lift together.
 
         Around a partner of stiffness K and damping B, a delay tau takes tau K from the loop's damping, whatever the virtual mass:
         stable if B + D > tau K. So a stiff partner needs D, and only he does.
         """
-        self._slow += (1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)) * (excess - self._slow)
-        fast = _largest(excess - self._slow)
+        keep = 1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)
+        self._slow = [slow + keep * (f - slow) for f, slow in zip(excess, self._slow, strict=True)]
+        fast = _largest([f - slow for f, slow in zip(excess, self._slow, strict=True)])
         self._shake += min(self._dt / 0.3, 1.0) * (fast - self._shake)
         return law.shake_damping_ns_per_m_per_n * max(1.57 * self._shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
 
@@ -135,22 +142,26 @@ class Pace:
     def step(self, x: Array, force: Array) -> None:
         law, reference, s = self.law, self.reference, self.phase
         moving = 0.0 <= s < reference.duration_s
-        target = reference.at(reference.position, s) if s >= 0.0 else self._start
-        velocity = reference.at(reference.velocity, s) if moving else np.zeros_like(x)
-        speed = sqrt(velocity @ velocity)
-        along = float(force @ velocity) / speed if speed > 1e-6 else 0.0
+        target = reference.floats_at("position", s) if s >= 0.0 else self._start.tolist()
+        velocity = reference.floats_at("velocity", s) if moving else [0.0] * len(target)
+        speed = sqrt(_dot(velocity, velocity))
+        along = _dot(force.tolist(), velocity) / speed if speed > 1e-6 else 0.0
         excess = min(along + law.comfortable_n, 0.0)
         self.resistance += min(self._dt / law.patience_s, 1.0) * (excess - self.resistance)
         self.rate = max(1.0 + law.yield_gain_per_n * self.resistance, law.slowest_clock) if moving else 1.0
         # a person's resistance grows with speed, so at a slower pace less of it is to be expected
-        self.expected[:] = self.rate * reference.at(reference.force, s) if s >= 0.0 else 0.0
+        felt = reference.floats_at("force", s) if s >= 0.0 else [0.0] * len(target)
         self.phase = min(s + self._dt * self.rate, reference.duration_s)
-        self.velocity[:] = self.rate * velocity + law.attraction_per_s * self._bounded(target - x)
+        error = [t - p for t, p in zip(target, x.tolist(), strict=True)]
+        share = self._bound(error)
+        for i, v in enumerate(velocity):
+            self.expected[i] = self.rate * felt[i]
+            self.velocity[i] = self.rate * v + law.attraction_per_s * (error[i] * share)
 
-    def _bounded(self, error: Array) -> Array:
+    def _bound(self, error: list[float]) -> float:
         """The attractor never asks for more than the taught top speed, however far away it starts."""
-        length = sqrt(error @ error) * self.law.attraction_per_s
-        return error * min(1.0, self._top_speed / length) if length > 1e-9 else error
+        length = sqrt(_dot(error, error)) * self.law.attraction_per_s
+        return min(1.0, self._top_speed / length) if length > 1e-9 else 1.0
 
 
 class Watch:
@@ -161,6 +172,7 @@ class Watch:
         self._filter = ForwardFilter(model, groups)
         self._dt, self._model_dt = dt, model_dt
         self.weights = np.zeros(model.n_states)
+        self._seen = np.zeros(len(self._filter.channels))
         self.reset()
 
     def reset(self) -> None:
@@ -171,7 +183,10 @@ class Watch:
     def step(self, x: Array, force: Array) -> None:
         while self._until <= 1e-9:
             self._until += self._model_dt
-            self.weights[:] = self._filter.step(np.concatenate([x, force])[: len(self._filter.channels)])
+            self._seen[: len(x)] = x
+            if len(self._seen) > len(x):
+                self._seen[len(x) :] = force
+            self.weights[:] = self._filter.step(self._seen)
         self._until -= self._dt
 
 
@@ -207,7 +222,7 @@ class CollaborativeSkill:
         self.reference = reference or PhaseReference.learned(clock, end)
         self._dt, d = dt, len(axes)
         self._watch = Watch(model, model_dt, dt)
-        self._nothing = np.zeros(d)
+        self._nothing, self._foreseen = np.zeros(d), np.zeros(d)
         self._nothing.setflags(write=False)
         self._compliance = Compliance(d, dt)
         self._pace = Pace(self.reference, self.law, dt)
@@ -239,9 +254,9 @@ class CollaborativeSkill:
         self.notice = f"outside what was taught by {outside:.2f} m: complies only" if self._complies_only else ""
 
     def step(self, obs: Observation, command: Command) -> None:
-        x = obs.position if isfinite(obs.position.sum()) else np.where(np.isfinite(obs.position), obs.position, self._position)
+        x = obs.position if _finite(obs.position) else np.where(np.isfinite(obs.position), obs.position, self._position)
         # a missing force is taken as none: the compliance then only dies away
-        force = obs.force if isfinite(obs.force.sum()) else np.where(np.isfinite(obs.force), obs.force, 0.0)
+        force = obs.force if _finite(obs.force) else np.where(np.isfinite(obs.force), obs.force, 0.0)
         self._position[:] = x
         self._watch.step(x, obs.force)
         if self._complies_only:
@@ -262,22 +277,24 @@ class CollaborativeSkill:
 
     def _anticipate(self, x: Array, force: Array) -> Array:
         """Acceleration to expect next: the taught change of speed ahead, scaled to the partner's present speed."""
-        law, reference, velocity = self.law, self.reference, self._compliance.velocity
+        law, reference, velocity = self.law, self.reference, self._compliance.velocity.tolist()
         taught = x - self._start + reference.position[0]
         s = reference.closest(taught, float(self._phase[0]))
         self._rate[0] = (s - float(self._phase[0])) / self._dt
         self._phase[0] = s
-        speed = sqrt(velocity @ velocity)
+        speed = sqrt(_dot(velocity, velocity))
         if speed < 0.02:
             return self._nothing
-        now = reference.at(reference.velocity, s)
-        usual = max(sqrt(now @ now), 0.03)
-        ahead = reference.at(reference.velocity, s + law.anticipation_s * min(speed / usual, 2.0))
-        along = velocity / speed
-        agreement = min(max((float(force @ along) + 1.0) / 2.0, 0.0), 1.0)  # a partner who brakes switches it off
+        now = reference.floats_at("velocity", s)
+        usual = max(sqrt(_dot(now, now)), 0.03)
+        ahead = reference.floats_at("velocity", s + law.anticipation_s * min(speed / usual, 2.0))
+        along = _dot(force.tolist(), [v / speed for v in velocity])
+        agreement = min(max((along + 1.0) / 2.0, 0.0), 1.0)  # a partner who brakes switches it off
         agreement *= min(speed / law.moving_speed_m_per_s, 1.0)
-        foreseen = (ahead - now) / law.anticipation_s * min(speed / usual, 1.5)
-        return law.anticipation * agreement * np.minimum(np.maximum(foreseen, -1.0), 1.0)
+        scale = min(speed / usual, 1.5)
+        for i, (a, n) in enumerate(zip(ahead, now, strict=True)):
+            self._foreseen[i] = law.anticipation * agreement * min(max((a - n) / law.anticipation_s * scale, -1.0), 1.0)
+        return self._foreseen
 
 
 def outside_taught(reference: PhaseReference, position: Array) -> float:
@@ -289,13 +306,22 @@ def outside_taught(reference: PhaseReference, position: Array) -> float:
 def command_velocity(law: CollaborativeLaw, dt: float, x: Array, wanted: Array, velocity: Array, command: Command) -> None:
     """Moves `velocity` (d,) toward `wanted` no faster than the law's acceleration, and fills `command` from it."""
     limit = law.max_acceleration_m_per_s2 * dt
-    change = np.minimum(np.maximum(wanted - velocity, -limit), limit)
-    velocity += change
-    command.velocity[:] = velocity + law.lead_s / dt * change
-    command.position[:] = x + dt * velocity
-    command.acceleration[:] = change / dt
+    for i, (p, w, v) in enumerate(zip(x.tolist(), wanted.tolist(), velocity.tolist(), strict=True)):
+        change = min(max(w - v, -limit), limit)
+        v += change
+        velocity[i] = v
+        command.velocity[i] = v + law.lead_s / dt * change
+        command.position[i] = p + dt * v
+        command.acceleration[i] = change / dt
 
 
-def _largest(values: Array) -> float:
-    """Largest |value| of a handful; Python's own is faster than numpy's there."""
-    return max(map(abs, values.tolist()))
+def _largest(values: list[float]) -> float:
+    return max(map(abs, values))
+
+
+def _dot(a: list[float], b: list[float]) -> float:
+    return sum(map(mul, a, b))
+
+
+def _finite(values: Array) -> bool:
+    return all(map(isfinite, values.tolist()))
