@@ -146,8 +146,10 @@ class Envelope:
         flags, limits = [], self.limits
         if self._shake > limits.shake_n:
             flags.append(f"shaking, {self._shake:.0f} N")
-        if self._rest_s > 2.0 and abs(self._felt) > limits.tare_n:
-            flags.append(f"felt {self._felt:.1f} N at rest: wrong mass? tare")
+        felt = self._felt if self._rest_s > 2.0 else 0.0
+        at_rest = max(felt, self._at_first, key=abs)
+        if abs(at_rest) > limits.tare_n:
+            flags.append(f"felt {at_rest:.1f} N at rest: wrong mass? tare")
         if min(self._energy) / limits.force_limit_n <= self.limits.a_max_m_per_s2 * self._late**2 / 8.0:
             flags.append("energy budget used up: re-arm")
         return flags
@@ -215,6 +217,7 @@ class Envelope:
         self._energy = [self.limits.energy_j] * d
         self._blocked_s = self._alone_s = self._rest_s = self._felt = self._slow = self._shake = self._shaken = 0.0
         self._held = False
+        self._ticks, self._at_first = 0, 0.0
         self._weight, self._weighed = [0.0] * d, 0  # F_s at rest, both holding: this hand's share of the object
         self._missing: deque[list[float]] = deque(maxlen=max(round(ALONE_MEAN_S / self._dt), 1))
         self._held_before: deque[float] = deque(maxlen=max(round(self.limits.sudden_s / self._dt), 1))
@@ -415,6 +418,9 @@ class Envelope:
         signed = max(self._force, key=abs)
         self._slow += (1.0 - exp(-2.0 * pi * period)) * (signed - self._slow)
         self._shaken += min(period / 0.5, 1.0) * (abs(signed - self._slow) - self._shaken)
+        if self._ticks < 5:  # before anybody can have moved; later the hand leans on the partner until F is 0 again
+            self._ticks += 1
+            self._at_first += (signed - self._at_first) / self._ticks
         self._shake = 1.57 * self._shaken  # mean |sin| is amplitude / 1.57
         self._rest_s = self._rest_s + period if speed < 0.05 else 0.0
         self._felt += min(period, 1.0) * (signed - self._felt)
