@@ -251,9 +251,12 @@ def _summary(learned: LearnedSkill) -> dict[str, Any]:
 
 def _states(learned: LearnedSkill) -> list[dict[str, Any]]:
     """One entry a state: centre, spread, and the slope of velocity on force, the sign of a role."""
+    from ..models.gmr import Regression
     from ..models.stability import PARTNERS, stability
 
     model, found = learned.model, stability(learned.model)
+    regression = Regression(model, [c for c in model.channels if not c.startswith("velocity.")], "velocity")
+    force = [i for i, c in enumerate(regression.inputs) if c.startswith("force.")]
     spread = np.sqrt(np.einsum("kii->ki", model.covariances))
     stay = np.diag(model.transition)
     return [
@@ -262,7 +265,7 @@ def _states(learned: LearnedSkill) -> list[dict[str, Any]]:
             "mean": dict(zip(model.channels, model.means[k].tolist(), strict=True)),
             "std": dict(zip(model.channels, spread[k].tolist(), strict=True)),
             "expected_duration_s": float(learned.dt / max(1.0 - stay[k], 1e-12)) if stay[k] < 1.0 else None,
-            "velocity_per_force": float(found.slope[k]) if learned.has_force else None,
+            "velocity_per_force": regression.gains[k][:, force].tolist() if force else None,
             "contraction_per_s": float(found.contraction[k]),
             "loop_gain": {f"{p.stiffness_n_per_m:g} N/m": _finite(g) for p, g in zip(PARTNERS, found.loop_gain[k], strict=True)},
         }
@@ -300,10 +303,9 @@ def _print_skill(result: dict[str, Any]) -> None:
     for s in result["states"]:
         cells = [f"{s['mean'][c]:+.3f} ± {s['std'][c]:.3f}" for c in channels]
         slope = s["velocity_per_force"]
+        along = " ".join(f"{1000 * row[i]:+.1f}" for i, row in enumerate(slope or ()))
         gains = " ".join(g if isinstance(g, str) else f"{g:.2g}" for g in list(s["loop_gain"].values())[-1:])
-        rows.append(
-            (s["state"], *cells, "" if slope is None else f"{1000 * slope:+.1f}", f"{s['contraction_per_s']:+.2g}", gains)
-        )
+        rows.append((s["state"], *cells, along, f"{s['contraction_per_s']:+.2g}", gains))
     table("States", ("state", *channels, "∂v/∂F mm/s/N", "∂v/∂x 1/s", "loop gain, 600 N/m"), rows)
     print("∂v/∂x < 0 contracts; loop gain of eq. (5) with a partner of 600 N/m: below 1 is stable (the default law has its own)")
     _print_notes(result["notes"])

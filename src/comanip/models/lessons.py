@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -37,7 +38,7 @@ class Notes(list[str]):
         warnings.warn(text, ComanipWarning, stacklevel=level)
 
 
-class Coordinates:
+class Coordinates(ABC):
     """What has a way between the channels' units and z: x = offset + scale·z."""
 
     offset: Array
@@ -46,8 +47,8 @@ class Coordinates:
     notes: Notes
 
     @property
-    def n_frames(self) -> int:
-        raise NotImplementedError
+    @abstractmethod
+    def n_frames(self) -> int: ...
 
     @property
     def log_volume(self) -> float:

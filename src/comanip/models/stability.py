@@ -13,14 +13,18 @@ The default law answers force by its own mass-damper, 1 / (M s + D) in place of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..interfaces import Array
 from .gmr import Regression
 from .hmm import Hmm
+
+Complex = NDArray[np.complexfloating[Any, Any]]
+Answer = Callable[[Complex], Complex]  # s (N,) -> velocity per newton, without the delays
 
 
 class PartnerImpedance(NamedTuple):
@@ -66,7 +70,7 @@ def stability(model: Hmm, partners: Sequence[PartnerImpedance] = PARTNERS, delay
     gains = regression.gains[:, :, force]
     slope, steepest = _extreme(gains, largest=False), _extreme(gains, largest=True)
     rows = [
-        [np.inf if low < 0.0 else _gain_at_crossover(lambda s, b=high: b * np.ones_like(s), p, delays) for p in partners]
+        [np.inf if low < 0.0 else _gain_at_crossover(_constant(high), p, delays) for p in partners]
         for low, high in zip(slope, steepest, strict=True)
     ]
     return Stability(contraction, slope, np.array(rows))
@@ -88,7 +92,11 @@ def _extreme(matrices: Array, *, largest: bool) -> Array:
     return np.asarray(eigenvalues[:, -1 if largest else 0])
 
 
-def _gain_at_crossover(answer, partner: PartnerImpedance, delays: Delays) -> float:  # type: ignore[no-untyped-def]
+def _constant(slope: float) -> Answer:
+    return lambda s: slope * np.ones_like(s)
+
+
+def _gain_at_crossover(answer: Answer, partner: PartnerImpedance, delays: Delays) -> float:
     """Largest |L(j w)| where the phase of L crosses -180 deg; 0 where it never does."""
     w = np.geomspace(0.05, 400.0, 4000)
     s = 1j * w

@@ -187,7 +187,7 @@ def _failures(
     if bound.starts_by_s < inf and (not len(moved) or t[moved[0]] > bound.starts_by_s):
         failures.append("did not start in time")
     if abs(verdict.end_error_m) > bound.end_m:
-        failures.append(f"missed the {bound.goal.replace('taught', 'taught height').replace(chr(39) + 's', chr(39) + 's goal')}")
+        failures.append("missed the taught height" if bound.goal == "taught" else "missed the partner's goal")
     if bound.notices:
         failures.extend(_unnoticed(case, recording, t, x))
     checks = (

@@ -90,16 +90,9 @@ def run_cases(
     return verdicts
 
 
-def one_verdict(
-    case: Case,
-    learned: Mapping[str, LearnedSkill],
-    law: str,
-    plant: str = "beam",
-    dt: float = 0.01,
-    partner: MakePartner = partner_of,
-) -> Verdict:
-    """Runs one case and judges it."""
-    return one_run(case, learned, law, plant, dt, partner)[1]
+def one_verdict(*work: Any) -> Verdict:
+    """What `one_run` of the same arguments comes to: what travels to a worker, and back without the recording."""
+    return one_run(*work)[1]
 
 
 def one_run(
