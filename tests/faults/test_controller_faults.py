@@ -298,6 +298,29 @@ def test_C11_who_pulls_down_has_not_let_go(kind):
     assert bench.held == ""
 
 
+def test_C11_a_wall_that_pushes_by_turns_more_and_less_has_not_let_go():
+    bench = weighed()
+    forces = [-1.2 * WEIGHT + 5.0 * np.cos(2 * np.pi * 3.0 * n * DT) for n in range(100)]
+    for n, force in enumerate(forces):
+        bench.tick(0.01, force, sensor_force=force - WEIGHT + 1e-3 * (n % 3))
+    assert "let go" not in bench.held
+
+
+def test_C12_an_impact_may_pass_the_force_limit_while_it_gives_way_and_no_longer():
+    def hits(peak, lasting):
+        bench = moving(0.4, 0.0)
+        for force in (-25.0, -40.0, *[-peak] * lasting, *[0.0] * 20):
+            bench.tick(0.4, force)
+        return bench
+
+    assert hits(100.0, 10).envelope.notice == "COMPLY: blocked"
+    assert hits(100.0, 30).held == "force 100 N > 60 N"
+    assert hits(200.0, 5).held == "force 200 N > 180 N"
+    before = moving(0.4, 0.0)
+    before.tick(0.4, -61.0)
+    assert before.held == "force 61 N > 60 N"  # nothing was blocked yet: a spike, not an impact
+
+
 def test_C12_a_blocking_partner_meets_a_bounded_force_then_compliance():
     bench = moving(0.05, 0.0)
     wall, forces = bench.hand[0] + 0.001, []

@@ -219,6 +219,19 @@ def test_who_keeps_his_place_is_asked_a_few_times_and_then_no_more(skills, made)
     assert np.ptp(x[-1000:]) < 0.01
 
 
+@pytest.mark.parametrize("made", [told_to_lead, told_nothing])
+def test_who_puts_it_back_to_where_it_began_is_not_asked(skills, made):
+    skill, at = made(skills), 1.5 if made is told_to_lead else 9.5
+
+    def takes_it_back(start, position):
+        return HumanLeader(Legs(((0.0, 1.2, -float((position - start)[0])),)), rng=np.random.default_rng(5))
+
+    x = carry(skill, lambda rng: Switches(HumanFollower(rng=rng), [(at, takes_it_back)]), at + 30.0)
+    assert np.ptp(x[: round(at / DT)]) > 0.05
+    assert x[-1] == pytest.approx(START, abs=0.02)
+    assert [said for tick, said in skill.changes if tick * DT > at] == [FOLLOWS]
+
+
 def test_told_nothing_it_gives_everybody_the_time_to_begin(skills):
     skill = told_nothing(skills)
     x = carry(skill, follower, 14.0)

@@ -28,27 +28,29 @@ def reference(rng, d, n=60):
     return PhaseReference(shape * rng.uniform(0.1, 0.4, d), np.sin(np.pi * s) * rng.normal(size=d), 0.02)
 
 
-def comply(law, c, slow, shake, excess, reference, feedforward):
+def comply(law, c, slow, shake, went_on, excess, reference, feedforward):
     """The compliance with numpy, as the module's docstring writes it."""
     slow = slow + (1.0 - np.exp(-2.0 * np.pi * law.shake_hz * DT)) * (excess - slow)
     shake = shake + DT / 0.3 * (np.abs(excess - slow).max() - shake)
     rest = 1.0 - min(max(np.abs(c).max(), np.abs(reference).max()) / law.moving_speed_m_per_s, 1.0)
     damping = law.moving_damping_ns_per_m + rest**2 * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
-    damping += law.shake_damping_ns_per_m_per_n * max(1.57 * shake - law.shake_n, 0.0)
+    amplitude = max(1.57 * shake - law.shake_n, 0.0)
+    went_on = went_on + DT * (law.shake_growth_per_s * amplitude - went_on / law.shake_memory_s)
+    damping += law.shake_damping_ns_per_m_per_n * (amplitude + went_on)
     push = np.sign(excess) * np.maximum(np.abs(excess) - law.dead_zone_n * rest, 0.0)
     m = law.virtual_mass_kg
-    return (c + DT / m * push + DT * feedforward) / (1.0 + DT / m * damping), slow, shake
+    return (c + DT / m * push + DT * feedforward) / (1.0 + DT / m * damping), slow, shake, went_on
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(1, 3), st.integers(0, 2**31), st.sampled_from(["leader", "follower"]))
 def test_the_compliance_is_what_numpy_says(d, seed, role):
     rng, law, one = np.random.default_rng(seed), CollaborativeLaw.for_role(role), Compliance(d, DT)
-    c, slow, shake = np.zeros(d), np.zeros(d), 0.0
+    c, slow, shake, went_on = np.zeros(d), np.zeros(d), 0.0, 0.0
     for _ in range(50):
         given_ = rng.normal(size=(3, d)) * [[rng.choice([0.1, 5.0, 40.0])], [0.1], [0.5]]
         one.step(law, *given_)
-        c, slow, shake = comply(law, c, slow, shake, *given_)
+        c, slow, shake, went_on = comply(law, c, slow, shake, went_on, *given_)
         np.testing.assert_allclose(one.velocity, c, rtol=1e-10, atol=1e-14)
 
 

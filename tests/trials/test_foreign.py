@@ -14,6 +14,8 @@ from comanip.errors import ParameterError
 from comanip.interfaces import Partner
 from comanip.trials import draw_case
 from comanip.trials.foreign import PartnersFrom
+from comanip.trials.judging import judge
+from comanip.trials.running import one_run
 
 SPRING = """
     def reset(self, position):
@@ -76,6 +78,39 @@ def test_no_file_and_no_python_file_are_said(tmp_path, case):
         PartnersFrom(str(tmp_path / "absent.py"))(case, np.random.default_rng(0))
     with pytest.raises(ParameterError, match="not a Python file"):
         made(tmp_path, PLAIN, case, name="people.txt")
+
+
+GOES = """
+from comanip.plants.partners import Arm, HumanLeader, Legs
+
+def partner(case, rng):
+    arm = Arm(carried_n=case.carried_n)
+    person = HumanLeader(Legs(((2.0, 1.6, 0.28),), feedforward_kg=0.5 * case.beam_mass_kg), arm, rng=rng)
+    person.goal_m, person.onset_s, person.stop_s = STATED
+    return person
+"""
+
+
+@pytest.mark.parametrize(
+    ("stated", "failures"),
+    [
+        ("0.28, 2.0, 3.6", ()),
+        ("0.20, 2.0, 3.6", ("missed the partner's goal",)),
+        ("0.28, 5.0, 3.6", ("moved before the partner",)),
+    ],
+)
+def test_a_partner_with_plans_of_his_own_is_judged_by_them(tmp_path, skills, stated, failures):
+    (tmp_path / "goes.py").write_text(GOES.replace("STATED", stated))
+    case = replace(draw_case("follower", np.random.default_rng(4)), onset_s=0.5, lift_m=0.3, force_noise_n=0.05)
+    recording, verdict = one_run(case, skills, "default", partner=PartnersFrom(str(tmp_path / "goes.py")))
+    assert verdict.failures == failures
+    recording.metadata["stated"]["stop_s"] = 0.9  # then the force of his whole lift is left over
+    assert judge(case, recording).residual_force_n > 1.5 * verdict.residual_force_n
+
+
+def test_a_plan_that_is_no_number_is_refused(tmp_path, case):
+    with pytest.raises(ParameterError, match=r"people\.py: Plain\.goal_m must be a finite number; got 'high'"):
+        made(tmp_path, PLAIN.replace("carried = 9.8", "carried, goal_m = 9.8, 'high'"), case)
 
 
 def test_the_command_line_tries_a_skill_with_them(tmp_path):

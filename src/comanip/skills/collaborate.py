@@ -56,6 +56,8 @@ class CollaborativeLaw:
     shake_hz: float = 2.5  # faster than people move a load together: what oscillates above is instability or shaking
     shake_n: float = 1.0  # amplitude from which it is damped
     shake_damping_ns_per_m_per_n: float = 20.0
+    shake_memory_s: float = 3.0  # what goes on oscillating is damped more and more, and as slowly less
+    shake_growth_per_s: float = 0.3
     lead_s: float = 0.02  # the robot's actuator lag, anticipated in the command
 
     @staticmethod
@@ -85,7 +87,7 @@ class Compliance:
     def reset(self) -> None:
         self.velocity[:] = 0.0
         self._slow = [0.0] * len(self.velocity)
-        self._shake = 0.0
+        self._shake = self._went_on = 0.0
 
     def step(self, law: CollaborativeLaw, excess: Array, reference: Array, feedforward: Array) -> None:
         """Damping is implicit, so any value is stable by itself at any dt."""
@@ -110,7 +112,9 @@ class Compliance:
         self._slow = [slow + keep * (f - slow) for f, slow in zip(excess, self._slow, strict=True)]
         fast = _largest([f - slow for f, slow in zip(excess, self._slow, strict=True)])
         self._shake += min(self._dt / 0.3, 1.0) * (fast - self._shake)
-        return law.shake_damping_ns_per_m_per_n * max(1.57 * self._shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
+        amplitude = max(1.57 * self._shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
+        self._went_on += self._dt * (law.shake_growth_per_s * amplitude - self._went_on / law.shake_memory_s)
+        return law.shake_damping_ns_per_m_per_n * (amplitude + self._went_on)
 
 
 class Pace:

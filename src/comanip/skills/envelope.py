@@ -58,6 +58,8 @@ class Limits:
     alone_n: float = 2.2  # within this of carrying the whole object alone, the partner's end is free
     alone_s: float = 0.15
     sudden_s: float = 0.15  # within this his pull is gone: who pulls down harder and harder has not let go
+    steady_n_s: float = 45.0  # and nothing answers the hand's motion, as a wall does, against which the hand stands:
+    stands_m_per_s: float = 0.06
     let_go_n: float = 0.3  # less than this is nobody, where the object weighs nothing along the axes
     let_go_s: float = 0.4
     held_n: float = 2.0  # more than this, in this motion, was somebody
@@ -224,8 +226,9 @@ class Envelope:
         self._ticks, self._at_first, self._rate = 0, 0.0, [0.0] * d
         limits = self.limits
         self._let_go = LetGo(
-            d, self._dt, alone_n=limits.alone_n, alone_s=limits.alone_s, sudden_s=limits.sudden_s, least_n=limits.held_n
-        )
+            d, self._dt, alone_n=limits.alone_n, alone_s=limits.alone_s, sudden_s=limits.sudden_s,
+            steady_n_s=limits.steady_n_s, stands_m_s=limits.stands_m_per_s, least_n=limits.held_n,
+        )  # fmt: skip
         self._jump = Jump(d, limits.jump_n, limits.jump_rest_s, limits.jump_stays_s)
         self._shaking = Shaking()
         self._checker.start(position)
@@ -386,7 +389,7 @@ class Envelope:
         """Blocked, let go, shaken, wrongly tared."""
         limits = self.limits
         speed, size = hypot(*self._v), hypot(*self._force)
-        if self._let_go.step(period):
+        if self._let_go.step(speed, period):
             self._fault("let go: the hand carries the whole object")
         against = -sum(f * v for f, v in zip(self._force, self._v, strict=True)) / max(speed, 1e-6)
         self._blocked_ns = self._blocked_ns + against * period if against > limits.blocked_n else 0.0

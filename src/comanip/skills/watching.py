@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import deque
-from math import exp, hypot, isfinite, pi, sqrt
+from math import dist, exp, hypot, isfinite, pi
 
 from ..interfaces import STANDARD_GRAVITY
 
@@ -20,16 +20,32 @@ class LetGo:
     """Whether this hand carries the whole object alone.
 
     It weighs its share at rest, while both hold. Where the partner lets go F = -s m (g + a): the hand then carries twice its
-    share, and nothing else pulls. He must be gone at once: who pulls down harder and harder passes through the same force.
+    share, and nothing else pulls. He must be gone at once (who pulls down harder and harder passes through the same force), and
+    nothing may answer the hand's motion: against a wall it stands, and is pushed by turns more and less.
 
-    alone_n   within this of carrying it all, the partner's end is free
-    alone_s   for so long
-    sudden_s  within this his pull went
-    least_n   an object whose share weighs less says nothing
+    alone_n     within this of carrying it all, the partner's end is free
+    alone_s     for so long
+    sudden_s    within this his pull went
+    steady_n_s  no faster than this does the pull of nobody change [N/s] while the hand stands,
+    stands_m_s  slower than this
+    least_n     an object whose share weighs less says nothing
     """
 
-    def __init__(self, n_axes: int, dt: float, *, alone_n: float, alone_s: float, sudden_s: float, least_n: float) -> None:
+    def __init__(
+        self,
+        n_axes: int,
+        dt: float,
+        *,
+        alone_n: float,
+        alone_s: float,
+        sudden_s: float,
+        steady_n_s: float,
+        stands_m_s: float,
+        least_n: float,
+    ) -> None:
         self._alone_n, self._alone_s, self._sudden_s, self._least_n = alone_n, alone_s, sudden_s, least_n
+        self._stands_m_s = stands_m_s
+        self._most_apart_n, self._apart = SWING_S / 2.0 * steady_n_s, max(round(SWING_S / 2.0 / dt), 1)
         self.weight, self._weighed = [0.0] * n_axes, 0
         self._pulls: deque[list[float]] = deque(maxlen=max(round(SWING_S / dt), 1))
         self._before: deque[list[float]] = deque(maxlen=max(round(sudden_s / dt), 1))
@@ -45,15 +61,19 @@ class LetGo:
         held = zip(force, self.weight, acceleration, strict=True)
         self._pulls.append([f - w * (1.0 + a / STANDARD_GRAVITY) for f, w, a in held])
 
-    def step(self, period: float) -> bool:
+    def step(self, speed: float, period: float) -> bool:
         load = hypot(*self.weight)
         alone = False
         if load > self._least_n and len(self._pulls) == self._pulls.maxlen:
             pull = [sum(values) / len(self._pulls) for values in zip(*self._pulls, strict=True)]
             self._before.append(pull)
-            lost = sqrt(sum((b - p) ** 2 for b, p in zip(self._before[0], pull, strict=True)))
-            self._since_s = 0.0 if lost > 0.5 * load else self._since_s + period
-            alone = hypot(*pull) < self._alone_n and (self._for_s > 0.0 or self._since_s < 4.0 * self._sudden_s)
+            self._since_s = 0.0 if dist(self._before[0], pull) > 0.5 * load else self._since_s + period
+            free = (
+                speed > self._stands_m_s
+                or dist(self._before[-1 - min(self._apart, len(self._before) - 1)], pull) < self._most_apart_n
+            )
+            sudden = self._for_s > 0.0 or self._since_s < 4.0 * self._sudden_s
+            alone = hypot(*pull) < self._alone_n and free and sudden
         self._for_s = self._for_s + period if alone else 0.0
         return self._for_s > self._alone_s
 
@@ -64,7 +84,7 @@ class Jump:
     def __init__(self, n_axes: int, least_n: float, rest_s: float, stays_s: float) -> None:
         self._least_n, self._rest_s, self._stays_s = least_n, rest_s, stays_s
         self._last: list[float] = []
-        self._usual, self._still_s = [0.0] * n_axes, 0.0
+        self._usual, self._heard_s, self._still_s = [0.0] * n_axes, 0.0, 0.0
         self._pending: tuple[int, float, float] | None = None  # axis, reading before, size
         self._sum, self._count, self._for_s = 0.0, 0, 0.0
 
@@ -74,11 +94,13 @@ class Jump:
             return 0.0
         if self._pending is not None:
             return self._confirmed(sensed, period)
+        self._heard_s = min(self._heard_s + period, max(QUIET_S, period))
+        share = period / self._heard_s if period > 0.0 else 0.0  # a mean at first, then one that forgets
         for i, (new, old) in enumerate(zip(sensed, last, strict=True)):
             change = abs(new - old)
             if self._still_s > self._rest_s and change > self._least_n + 6.0 * self._usual[i]:
                 self._pending, self._sum, self._count, self._for_s = (i, old, new - old), 0.0, 0, 0.0
-            self._usual[i] += min(period / QUIET_S, 1.0) * (change - self._usual[i])
+            self._usual[i] += share * (change - self._usual[i])
         self._still_s = self._still_s + period if at_rest else 0.0
         return 0.0
 

@@ -6,6 +6,7 @@ import importlib.util
 import inspect
 import sys
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -16,6 +17,7 @@ from ..errors import ParameterError
 from ..interfaces import Partner
 from .cases import Case
 
+STATED = ("goal_m", "onset_s", "stop_s")  # what a partner may say of himself, and is then judged by
 WHAT = "a function partner(case, rng), or classes with reset(position) and force(time, position, velocity, out)"
 
 
@@ -25,6 +27,9 @@ class PartnersFrom:
 
     A function `partner(case, rng)` gets the draw (`trials.Case`) and a Generator. A class is made with those of the arguments
     `case` and `rng` that its constructor names. In both, case.carried_n is the weight that a partner carries.
+
+    A partner is judged by the draw: he wants to be `partners_goal(case)` above the start, begins at case.onset_s and stops at
+    case.stop_s. One who has other plans says so by his attributes goal_m [m above the start], onset_s and stop_s [s].
     """
 
     path: str
@@ -35,6 +40,9 @@ class PartnersFrom:
         person = maker(**_wanted(maker, {"case": case, "rng": rng}))
         if not isinstance(person, Partner):
             raise ParameterError(f"{self.path}: {maker.__name__} gives {type(person).__name__}, which lacks reset or force")
+        for name, value in stated_by(person).items():
+            if not (isinstance(value, (int, float)) and isfinite(value)):
+                raise ParameterError(f"{self.path}: {maker.__name__}.{name} must be a finite number; got {value!r}")
         return person
 
     def _makers(self) -> list[Any]:
@@ -49,6 +57,11 @@ class PartnersFrom:
         if not classes:
             raise ParameterError(f"{self.path} holds no partner: give {WHAT}")
         return classes
+
+
+def stated_by(person: Partner) -> dict[str, Any]:
+    """What the partner says of himself, of STATED."""
+    return {name: getattr(person, name) for name in STATED if getattr(person, name, None) is not None}
 
 
 def _wanted(maker: Any, offered: dict[str, Any]) -> dict[str, Any]:

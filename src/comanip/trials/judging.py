@@ -105,7 +105,15 @@ def judge(case: Case, recording: Recording, *, start_m: float = 0.85, taught_end
     """The verdict on one run. F is the plant's truth, low-passed at 15 Hz like everything a hand can feel.
 
     taught_ends_m   (lessons, 1) heights at which the lessons ended; a leader's goal
+
+    What the partner stated of himself (recording.metadata["stated"]: goal_m, onset_s, stop_s) counts before the draw.
     """
+    stated = {
+        "goal_m": partners_goal(case),
+        "onset_s": case.onset_s,
+        "stop_s": case.stop_s,
+        **recording.metadata.get("stated", {}),
+    }
     hand = recording["hand.position"]
     t, x, v = hand.time - hand.time[0], hand.values[:, 0], recording["hand.velocity"].values[:, 0]
     dt = float(t[1] - t[0])
@@ -114,7 +122,7 @@ def judge(case: Case, recording: Recording, *, start_m: float = 0.85, taught_end
         return DIVERGED
     force = smooth(true, dt, FORCE_CUTOFF_HZ)[:, 0]
     bound = bounds(case)
-    stop = _came_to_rest(t, x) if bound.goal == "taught" else case.stop_s  # who leads says when it is over
+    stop = _came_to_rest(t, x) if bound.goal == "taught" else stated["stop_s"]  # who leads says when it is over
     late = t >= min(stop + 1.5, t[-1] - 0.3)
     last = t > t[-1] - 0.5
     mine, his = _beyond_the_load(case, recording)
@@ -124,7 +132,7 @@ def judge(case: Case, recording: Recording, *, start_m: float = 0.85, taught_end
         work_j=work(force, v, dt),
         peak_force_n=float(np.abs(force).max()),
         residual_force_n=float(np.abs(force[late]).max()),
-        end_error_m=_end_error(case, bound, float(x[-1]), start_m, taught_ends_m),
+        end_error_m=_end_error(case, bound, stated["goal_m"], float(x[-1]), start_m, taught_ends_m),
         tilt_deg=float(np.degrees(np.abs(recording["beam.tilt"].values).max())),
         ripple_m_per_s=float(np.ptp(v[last]) / 2.0),
         smoothness=log_dimensionless_jerk(v, dt),
@@ -133,7 +141,7 @@ def judge(case: Case, recording: Recording, *, start_m: float = 0.85, taught_end
         effort_share=effort_share(mine, his),
         role_right=_role_right(case, recording, t, x, start_m),
     )
-    return verdict._replace(failures=_failures(case, bound, verdict, recording, t, x, start_m))
+    return verdict._replace(failures=_failures(case, bound, stated["onset_s"], verdict, recording, t, x, start_m))
 
 
 def _came_to_rest(t: Array, x: Array) -> float:
@@ -155,9 +163,9 @@ def _beyond_the_load(case: Case, recording: Recording) -> tuple[Array, Array]:
     return 0.5 * case.beam_mass_kg * acceleration - true, his
 
 
-def _end_error(case: Case, bound: Bounds, end: float, start_m: float, taught_ends_m: Array | None) -> float:
+def _end_error(case: Case, bound: Bounds, goal_m: float, end: float, start_m: float, taught_ends_m: Array | None) -> float:
     if bound.goal == "partner's":
-        return end - start_m - partners_goal(case)
+        return end - start_m - goal_m
     if bound.goal == "taught":
         ends = np.array([start_m + case.lift_m]) if taught_ends_m is None else np.asarray(taught_ends_m)
         return end - float(np.clip(end, ends.min(), ends.max()))
@@ -178,11 +186,11 @@ def _role_right(case: Case, recording: Recording, t: Array, x: Array, start_m: f
 
 
 def _failures(
-    case: Case, bound: Bounds, verdict: Verdict, recording: Recording, t: Array, x: Array, start_m: float
+    case: Case, bound: Bounds, onset_s: float, verdict: Verdict, recording: Recording, t: Array, x: Array, start_m: float
 ) -> tuple[str, ...]:
     failures = []
     moved = np.flatnonzero(np.abs(x - start_m) > 0.01)
-    if bound.waits and (t[moved] < case.onset_s).any():
+    if bound.waits and (t[moved] < onset_s).any():
         failures.append("moved before the partner")
     if bound.starts_by_s < inf and (not len(moved) or t[moved[0]] > bound.starts_by_s):
         failures.append("did not start in time")

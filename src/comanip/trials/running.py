@@ -18,6 +18,7 @@ from ..plants.beam import Beam, BeamPlant, WristSensor
 from ..recording import Recording
 from .cases import Case, partner_of
 from .contestants import contestant
+from .foreign import stated_by
 from .judging import FORCE_CUTOFF_HZ, Verdict, judge
 
 START_M = 0.85
@@ -43,11 +44,13 @@ def run_case(
     partner   makes the person from the case; default: the human models of `plants.partners`
     """
     rng = np.random.default_rng(case.seed)
-    world = _plant(plant, partner(case, rng), case, dt, start_m, rng)
+    person = partner(case, rng)
+    world = _plant(plant, person, case, dt, start_m, rng)
     estimator = TaringInteractionForce(
         dt, gravity=gravity_along(world.axes).tolist(), cutoff_hz=FORCE_CUTOFF_HZ, force_delay_s=EXPECTED_DELAY_S
     )
     about = {"role": case.role, "partner": asdict(case), "load_mass_kg": case.beam_mass_kg, "plant": plant, **(metadata or {})}
+    about |= {"stated": stated} if (stated := stated_by(person)) else {}
     return run(world, skill, duration_s=case.run_s, estimator=estimator, clock=clock, metadata=about)
 
 
