@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
+from itertools import islice
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -108,7 +109,10 @@ class HumanoidPlant:
         self._force, self._position, self._velocity, self._user = np.zeros(d), np.zeros(d), np.zeros(d), np.zeros(d)
         self._late = round(self.sensor.delay_s / PHYSICS_STEP_S)
         self._trace: deque[list[float]] = deque(maxlen=self._late + self._steps + 1)  # one row a millisecond, oldest first
-        self._attitude = self._data.site_xmat[scene.sensor_site]
+        # Windows into the simulator's memory: asking for them anew costs a microsecond each
+        self._sensors, self._attitude = self._data.sensordata, self._data.site_xmat[scene.sensor_site]
+        self._pull = self._data.xfrc_applied[scene.far_body]
+        self._far, self._far_speed = FAR_POSITION + self._task, FAR_VELOCITY + self._task
         joints, base = np.zeros(len(scene.joints)), np.zeros(7)
         self._channels: dict[str, tuple[Array, str]] = {
             "partner.force": (self._force, "N"),
@@ -149,11 +153,11 @@ class HumanoidPlant:
         self._mj.mj_forward(self.scene.model, data)
         self._tick, self._stopped = 0, ""
         self._limits.counts[:] = 0.0
-        at_rest = data.sensordata.copy()
+        at_rest = self._sensors.copy()
         at_rest[HAND_VELOCITY : HAND_VELOCITY + 3] = at_rest[BEAM_VELOCITY : BEAM_VELOCITY + 3] = 0.0
         self._trace.extend([at_rest.tolist()] * (self._late + self._steps + 1))
         self._user[:] = self._force[:] = [0.5 * self.load_mass_kg * weight for weight in self._weight]
-        self._position[:], self._velocity[:] = data.sensordata[FAR_POSITION + self._task], 0.0
+        self._position[:], self._velocity[:] = self._sensors[self._far], 0.0
         self.partner.reset(self._position.copy())
 
     def read(self, obs: Observation) -> None:
@@ -182,8 +186,8 @@ class HumanoidPlant:
 
     def _arm_on_hand(self) -> list[float]:
         """(3,) what the wrist sensor reads, mean over one period, turned into the world [N]; the object's pull is minus that."""
-        rows = [self._trace[n] for n in range(self._steps)]
-        x, y, z = (sum([row[WRIST_FORCE + k] for row in rows]) / self._steps for k in range(3))
+        rows = [row[WRIST_FORCE : WRIST_FORCE + 3] for row in islice(self._trace, self._steps)]
+        x, y, z = [sum(column) / self._steps for column in zip(*rows, strict=True)]
         r = self._attitude.tolist()
         return [r[k] * x + r[k + 1] * y + r[k + 2] * z for k in (0, 3, 6)]
 
@@ -195,30 +199,27 @@ class HumanoidPlant:
         if self._stopped:
             return
         mj, model, data, servos, trace = self._mj, self.scene.model, self._data, self._servos, self._trace
-        sensors, control, reference, force, user = data.sensordata, data.ctrl, servos.control, self._force, self._user
-        pull, task = data.xfrc_applied[self.scene.far_body], self._task
-        far, far_speed = FAR_POSITION + task, FAR_VELOCITY + task
+        sensors, control, force, user = self._sensors, data.ctrl, self._force, self._user
         trace.pop()  # the end of the last period is the start of this one, as yet without forces
         user[:] = 0.0
         for _ in range(self._steps):
             if self._tick % EVERY == 0:
-                self._stopped = self._stopped or _trouble(mj, self.scene, data, self._stance.height, self.time)
                 servos.plan()
                 self._limits.count(data, self._ik)
             servos.step()
-            control[:] = reference
+            control[:] = servos.control
             self.partner.force(self.time, self._position, self._velocity, force)
-            pull[task] = force
+            self._pull[self._task] = force
             user += force
             mj.mj_step2(model, data)  # accelerations, forces, integration ...
             trace.append(sensors.tolist())
             mj.mj_step1(model, data)  # ... and the kinematics of the new state, which the partner feels next
             self._tick += 1
-            self._position[:], self._velocity[:] = sensors[far], sensors[far_speed]
+            self._position[:], self._velocity[:] = sensors[self._far], sensors[self._far_speed]
+            if self._tick % EVERY == 0:
+                self._stopped = self._stopped or _trouble(mj, self.scene, data, self._stance.height, self.time)
         trace.append(sensors.tolist())
         user /= self._steps
-        if self._steps >= EVERY:
-            self._stopped = self._stopped or _trouble(mj, self.scene, data, self._stance.height, self.time)
 
 
 class _Limits:
