@@ -31,11 +31,13 @@ from .scene import (
     Scene,
     build,
 )
+from .self_collision import SelfCollision
 from .servos import EVERY, PERIOD_S, ServoReferences
 from .simulator import mujoco
 from .stance import resume, stand
 
 FALLEN_SHARE, FALLEN_COSINE = 0.85, 0.94  # of the base's height; of its upright axis (20 deg)
+LOOK_EVERY = 20  # physics steps between two looks at what touches what: the hand moves 16 mm in that time at most
 LIMITS = ("range", "speed", "torque", "reach")
 
 # The exact beam that moves most like this robot with any load (identified from pulls and lifts; docs/physics.md).
@@ -105,7 +107,7 @@ class HumanoidPlant:
 
     def _allocate(self) -> None:
         scene, d = self.scene, len(self.axes)
-        self._limits = _Limits(scene, self.robot)
+        self._limits, self._self_collision = _Limits(scene, self.robot), SelfCollision(scene)
         self._force, self._position, self._velocity, self._user = np.zeros(d), np.zeros(d), np.zeros(d), np.zeros(d)
         self._late = round(self.sensor.delay_s / PHYSICS_STEP_S)
         self._trace: deque[list[float]] = deque(maxlen=self._late + self._steps + 1)  # one row a millisecond, oldest first
@@ -218,6 +220,8 @@ class HumanoidPlant:
             self._position[:], self._velocity[:] = sensors[self._far], sensors[self._far_speed]
             if self._tick % EVERY == 0:
                 self._stopped = self._stopped or _trouble(mj, self.scene, data, self._stance.height, self.time)
+            if self._tick % LOOK_EVERY == 0 and (touching := self._self_collision.look(data.qpos)):
+                self._stopped = self._stopped or f"the robot hits itself at {self.time:.3f} s: {touching}"
         trace.append(sensors.tolist())
         user /= self._steps
 
