@@ -170,8 +170,8 @@ def test_a_lesson_that_ends_so_is_kept_in_its_file_with_the_reason(tmp_path, mon
     words = "comanip teach --plant humanoid --role leader --lessons 3 -o".split()
     monkeypatch.setattr(sys, "argv", [*words, str(tmp_path), "--json"])
     monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # `main` has its own
-    with warnings.catch_warnings(), pytest.raises(SystemExit) as ended:
-        warnings.simplefilter("always")
+    warnings.simplefilter("always")
+    with pytest.raises(SystemExit) as ended:
         main()
     assert not ended.value.code
     said = capsys.readouterr()
