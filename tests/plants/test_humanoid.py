@@ -114,6 +114,20 @@ def test_two_runs_from_one_seed_are_equal_and_resets_forget():
     assert (once == again).all()
 
 
+def test_a_stance_that_is_remembered_is_the_one_that_was_taken_for_this_start_and_this_load():
+    def resting(height, mass):
+        plant = plant_of(start_position=np.array([height]), load_mass_kg=mass)
+        return plant._data.qpos.copy(), plant._data.site_xpos[plant.scene.grasp_site][2]
+
+    wanted = [(0.85, 2.0), (1.0, 2.0), (0.85, 3.0), (0.85, 2.0), (1.0, 2.0)]
+    found = [resting(*each) for each in wanted]
+    for (height, _), (_, reached) in zip(wanted, found, strict=True):
+        assert reached == pytest.approx(height, abs=3e-4)
+    assert (found[0][0] == found[3][0]).all()
+    assert (found[1][0] == found[4][0]).all()
+    assert not np.array_equal(found[0][0], found[2][0])
+
+
 def test_bias_noise_and_delay_are_what_was_asked():
     felt = run(plant_of(sensor=WristSensor(0.3, 1.5, 0.0)), Follows(still), duration_s=6.0)["hand.sensor_force"].values
     assert felt.mean() == pytest.approx(1.5 - HALF, abs=0.05)
