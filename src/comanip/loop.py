@@ -160,13 +160,13 @@ def _layout(plant: Plant, skill: Skill, observed: Sequence[str]) -> dict[str, tu
 def _record(
     recorder: Recorder, observed: Sequence[str], obs: Observation, command: Command, plant: Plant, skill: Skill, late: float
 ) -> None:
-    recorder.start_row(obs.time)
-    for name in observed:
-        recorder.put(f"hand.{name}", getattr(obs, name))
-    for name in _COMMANDED:
-        recorder.put(f"command.{name}", getattr(command, name))
-    for name, (array, _) in plant.channels.items():
-        recorder.put(name, array)
-    for name, array in skill.diagnostics.items():
-        recorder.put(name if "." in name else f"skill.{name}", array.ravel())
-    recorder.put("loop.late", late)
+    recorder.add(
+        obs.time,
+        [
+            *[getattr(obs, name) for name in observed],
+            *[getattr(command, name) for name in _COMMANDED],
+            *[array for array, _ in plant.channels.values()],
+            *skill.diagnostics.values(),
+            late,
+        ],
+    )

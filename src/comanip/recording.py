@@ -5,7 +5,7 @@ Every run yields a Recording and every file is read into one, so a reproduction 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -115,15 +115,14 @@ class Recorder:
         """The latest row: time, then the channels in the order of `layout`. Do not keep it: copy it."""
         return self._row
 
-    def start_row(self, time: float) -> None:
+    def add(self, time: float, values: Sequence[Any]) -> None:
+        """One row: arrays or numbers in the order of `layout`."""
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
         self._row = self._rows[self._count]
         self._row[0] = time
+        np.concatenate(values, axis=None, out=self._row[1:])
         self._count += 1
-
-    def put(self, name: str, values: Any) -> None:
-        self._row[self._offsets[name]] = values
 
     def recording(self, metadata: Mapping[str, Any]) -> Recording:
         rows = self._rows[: self._count]

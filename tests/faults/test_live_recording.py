@@ -50,9 +50,9 @@ def test_p1_kill_9_loses_less_than_half_a_second_and_the_file_opens(tmp_path, se
     time.sleep(float(np.random.default_rng(seed).uniform(1.0, 2.0)))
     children = subprocess.run(["ps", "--ppid", str(process.pid), "-o", "pid="], capture_output=True, text=True).stdout.split()
     assert len(children) == 1
-    process.kill()
-    if everything:
+    if everything:  # the writer first: when its pipe ends it closes the file as it should
         os.kill(int(children[0]), signal.SIGKILL)
+    process.kill()
     process.wait()
     while subprocess.run(["ps", "-p", children[0], "-o", "stat="], capture_output=True, text=True).stdout.strip(" Z\n"):
         time.sleep(0.02)

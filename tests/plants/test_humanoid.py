@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
+import json
+import re
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from comanip import teaching
+from comanip.cli import main
 from comanip.errors import ParameterError
+from comanip.formats import read
 from comanip.interfaces import STANDARD_GRAVITY
 from comanip.loop import run
 from comanip.plants.beam import BeamPlant, WristSensor
 from comanip.plants.humanoid import load_robot
+from comanip.plants.humanoid.self_collision import SelfCollision
 from comanip.plants.partners import Arm, HumanLeader, Plan, minimum_jerk
 from humanoids import HALF, QUIET, Follows, Pulling, lift, plant_of, still
 
@@ -105,6 +114,20 @@ def test_two_runs_from_one_seed_are_equal_and_resets_forget():
     assert (once == again).all()
 
 
+def test_a_stance_that_is_remembered_is_the_one_that_was_taken_for_this_start_and_this_load():
+    def resting(height, mass):
+        plant = plant_of(start_position=np.array([height]), load_mass_kg=mass)
+        return plant._data.qpos.copy(), plant._data.site_xpos[plant.scene.grasp_site][2]
+
+    wanted = [(0.85, 2.0), (1.0, 2.0), (0.85, 3.0), (0.85, 2.0), (1.0, 2.0)]
+    found = [resting(*each) for each in wanted]
+    for (height, _), (_, reached) in zip(wanted, found, strict=True):
+        assert reached == pytest.approx(height, abs=3e-4)
+    assert (found[0][0] == found[3][0]).all()
+    assert (found[1][0] == found[4][0]).all()
+    assert not np.array_equal(found[0][0], found[2][0])
+
+
 def test_bias_noise_and_delay_are_what_was_asked():
     felt = run(plant_of(sensor=WristSensor(0.3, 1.5, 0.0)), Follows(still), duration_s=6.0)["hand.sensor_force"].values
     assert felt.mean() == pytest.approx(1.5 - HALF, abs=0.05)
@@ -140,10 +163,80 @@ def test_a_partner_without_a_number_ends_the_run_and_keeps_the_recording():
     assert np.isfinite(recording["hand.position"].values[:-1]).all()
 
 
+def test_a_lesson_that_ends_so_is_kept_in_its_file_with_the_reason(tmp_path, monkeypatch, capsys):
+    """Through the command line, and the lessons after it are still recorded."""
+
+    class Lost:
+        def __init__(self, partner, number):
+            self.partner, self.number = partner, number
+
+        def reset(self, position):
+            self.partner.reset(position)
+
+        def force(self, time, position, velocity, out):
+            self.partner.force(time, position, velocity, out)
+            if self.number == 1 and time > 1.0:
+                out[:] = np.nan
+
+    numbers = itertools.count()
+    humanoid = teaching.PLANTS["humanoid"]
+    monkeypatch.setitem(teaching.PLANTS, "humanoid", lambda partner, **rest: humanoid(Lost(partner, next(numbers)), **rest))
+    words = "comanip teach --plant humanoid --role leader --lessons 3 -o".split()
+    monkeypatch.setattr(sys, "argv", [*words, str(tmp_path), "--json"])
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # `main` has its own
+    warnings.simplefilter("always")
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    said = capsys.readouterr()
+    files = [Path(f) for f in json.loads(said.out)["files"]]
+    taken = [read(f)[0] for f in files]
+    assert "incomplete" not in taken[0].metadata
+    assert "incomplete" not in taken[2].metadata
+    assert re.search(r"BADQACC|not finite", taken[1].metadata["incomplete"])
+    assert taken[1].metadata["incomplete"] in said.err
+    assert taken[1].duration_s == pytest.approx(1.0, abs=0.01)
+    assert np.isfinite(taken[1]["hand.position"].values[:-6]).all()
+    assert np.isfinite(taken[1]["hand.sensor_force"].values[:900]).all()
+
+
 def test_a_robot_that_is_pushed_over_says_so():
     recording = run(plant_of(Pulling(lambda t: -400.0 * (t > 0.2))), Follows(still), duration_s=6.0)
     assert "fell" in recording.metadata["stop_reason"]
     assert recording.duration_s < 5.0
+
+
+def test_an_arm_that_bends_into_the_body_ends_the_run_and_names_the_links(tmp_path):
+    """Its own joint ranges keep this robot from it; with a looser shoulder, moving the hand left brings the elbow to the hip."""
+    ours = load_robot()
+    loose = ours.model.read_text().replace('"RARM1" axis="1 0 0" range="-95 10"', '"RARM1" axis="1 0 0" range="-95 90"')
+    (tmp_path / "loose.xml").write_text(loose)
+    robots = {"loose": replace(ours, model=tmp_path / "loose.xml"), "ours": ours}
+    runs = {
+        name: run(plant_of(robot=robot, axes=("y", "z")), Follows(lambda t: np.array([0.2, 0.0])), duration_s=0.6)
+        for name, robot in robots.items()
+    }
+    assert "the robot hits itself at 0.3" in runs["loose"].metadata["stop_reason"]
+    assert "BODY touches RARM3" in runs["loose"].metadata["stop_reason"]
+    assert runs["ours"].metadata["stop_reason"] == "duration"
+
+
+@pytest.mark.parametrize(
+    ("posture_deg", "links"),
+    [
+        ({"LARM0": -30, "LARM1": 0, "LARM2": -90, "LARM3": -120}, {"CHEST1", "LARM"}),
+        ({"RARM0": 0, "RARM1": 0, "RARM2": 60, "RARM3": -20, "RARM5": 0}, {"RHAND", "RLEG2"}),
+        ({"LLEG1": -20, "RLEG1": 20}, {"LLEG", "RLEG"}),
+    ],
+    ids=["left arm and chest", "right hand and leg", "legs"],
+)
+def test_links_that_touch_are_named(lifted, posture_deg, links):
+    scene = lifted[0].scene
+    look, positions = SelfCollision(scene), lifted[0]._data.qpos.copy()
+    assert look.look(positions) == ""
+    for joint, angle in posture_deg.items():
+        positions[scene.position_at[scene.joints.index(joint)]] = np.radians(angle)
+    assert all(link in look.look(positions) for link in links)
 
 
 def test_too_much_force_is_counted_as_torque_at_its_limit():

@@ -117,6 +117,21 @@ def test_towards_a_straight_elbow_the_hand_slows_down_and_joints_keep_their_spee
     assert ik.hand()[0][2] > heights[-1] + 0.03  # and it comes back
 
 
+def test_a_hand_that_is_asked_for_too_much_keeps_its_line_and_every_joint_its_speed(ik, scene, robot):
+    """O8: 6 m/s upwards would take 20 rad/s at the shoulder."""
+    limits = np.array([robot.servo_of(j).speed for j in robot.arm])
+    before, start, fastest = ik.joints[scene.arm].copy(), ik.hand()[0], np.zeros(6)
+    for _ in range(30):
+        ik.step(np.array([6.0]))
+        assert ik.slowed < 1.0
+        assert ik.holds_back
+        fastest = np.maximum(fastest, np.abs(ik.joints[scene.arm] - before) / STEP_S)
+        before = ik.joints[scene.arm].copy()
+    assert (fastest / limits).max() == pytest.approx(1.0, abs=1e-6)
+    assert ik.hand()[0][2] > start[2] + 0.1
+    assert np.abs(ik.hand()[0][:2] - start[:2]).max() < 0.02
+
+
 @pytest.mark.parametrize("end", ["low", "high"])
 @pytest.mark.parametrize("number", range(6))
 def test_every_joint_brakes_before_either_end_of_its_range(scene, robot, number, end):

@@ -64,10 +64,28 @@ def test_a_film_has_a_frame_for_every_period(recording, screen, tmp_path):
     assert film.size == SMALL["size"]
 
 
+def test_a_film_can_be_an_mp4_where_the_encoder_is(recording, screen, tmp_path):
+    pytest.importorskip("imageio_ffmpeg", reason="an .mp4 needs: pip install imageio imageio-ffmpeg")
+    reader = pytest.importorskip("imageio.v2").get_reader(render.film(recording, tmp_path / "a.mp4", rate_hz=10.0, **SMALL))
+    assert (reader.get_meta_data()["fps"], reader.get_meta_data()["size"]) == (10.0, SMALL["size"])
+    shown = [frame.astype(int) for frame in reader]
+    assert len(shown) == 10
+    assert np.abs(shown[0] - shown[-1]).max() > 100  # it moves
+
+
+def test_what_stands_still_in_a_film_costs_nothing(recording, screen, tmp_path):
+    """One palette for all frames: with one a frame the same film was three times as large."""
+    image = pytest.importorskip("PIL.Image")
+    film = render.film(recording, tmp_path / "a.gif", rate_hz=10.0, **SMALL)
+    alone = tmp_path / "frame.gif"
+    image.open(film).save(alone)
+    assert film.stat().st_size < 0.6 * 10 * alone.stat().st_size
+
+
 def test_films_of_other_kinds_are_refused(recording, tmp_path, monkeypatch):
     with pytest.raises(ParameterError, match=r"cannot be written as \.avi; try \.gif or \.mp4"):
         render.film(recording, tmp_path / "a.avi")
-    monkeypatch.setitem(sys.modules, "imageio", None)
+    monkeypatch.setitem(sys.modules, "imageio.v2", None)
     with pytest.raises(ParameterError, match=r"pip install imageio imageio-ffmpeg, or write a \.gif"):
         render.film(recording, tmp_path / "a.mp4")
 

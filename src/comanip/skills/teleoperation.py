@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import exp, inf, isfinite, sqrt
+from math import dist, exp, inf, isfinite, sqrt
+from operator import mul
 
 import numpy as np
 
@@ -96,12 +97,13 @@ class Teleoperation:
         if limits.workspace_m is not None and len(limits.workspace_m) != n_axes:
             raise ParameterError(f"workspace_m needs {n_axes} rows; got {len(limits.workspace_m)}")
         self._walls = limits.workspace_m or ((-inf, inf),) * n_axes
-        self._render = u @ np.diag(np.broadcast_to(gain, (n_axes,)))
-        self._back = velocity_scale * u.T  # U^-1 = U^T
+        # Rows of plain floats: there are few axes and 1,000 ticks a second
+        self._render = (u @ np.diag(np.broadcast_to(gain, (n_axes,)))).tolist()
+        self._back = (velocity_scale * u.T).tolist()  # U^-1 = U^T
+        self._forth = (velocity_scale * u).tolist()
         self._home = None if home is None else np.array(home, dtype=float)
-        zeros = [np.zeros(n_axes) for _ in range(9)]
-        self._handle_velocity, self._handle_force, self._sample, self._fresh_force, self._velocity = zeros[:5]
-        self._rest_force, self._hand_anchor, self._handle_anchor, self._wanted = zeros[5:]
+        self._handle_velocity, self._handle_force, self._sample = np.zeros(n_axes), np.zeros(n_axes), np.zeros(n_axes)
+        self._hand_anchor, self._handle_anchor = [0.0] * n_axes, [0.0] * n_axes
         self._mode, self._gain, self._mismatch = np.zeros(1), np.ones(1), np.zeros(1)
         more = {name: array for name, (array, _) in device.channels.items()}
         self._place, self._clutch, self._delay = (more.get(f"device.{n}") for n in ("position", "clutch", "delay"))
@@ -155,12 +157,12 @@ class Teleoperation:
     def reset(self, obs: Observation) -> None:
         self._device.reset()
         self._begin()
-        if np.isfinite(obs.sensor_force).all():
-            self._fresh_force[:] = self._rest_force[:] = obs.sensor_force
+        if _finite(felt := obs.sensor_force.tolist()):
+            self._fresh_force = self._rest_force = felt
         self._anchor(obs)
         self._gain[0] = self._allowed()
         if self._home is not None:
-            self._handle_anchor[:] = self._home
+            self._handle_anchor = self._home.tolist()
             self._measure_mismatch(obs)
             if self._mismatch[0] > self.limits.match_m:
                 self._fault("handle and arm do not match at the start")
@@ -169,7 +171,9 @@ class Teleoperation:
         self._reason, self._held_s, self._silent_s, self._blind_s, self._met = "", 0.0, 0.0, 0.0, False
         self._ramp, self._released, self._coupled, self._at_wall = 1.0, False, True, False
         self._mode[0], self._gain[0], self._mismatch[0] = RUN, 1.0, 0.0
-        self._velocity[:] = self._handle_velocity[:] = self._handle_force[:] = self._fresh_force[:] = self._rest_force[:] = 0.0
+        self._handle_velocity[:] = self._handle_force[:] = 0.0
+        self._velocity = [0.0] * len(self._sample)
+        self._fresh_force = self._rest_force = [0.0] * len(self._sample)
 
     def _fault(self, reason: str) -> None:
         if not self._reason:
@@ -190,16 +194,16 @@ class Teleoperation:
 
     def _feel(self, obs: Observation) -> None:
         """Eq. (1), with the share of K_f that the delay allows; none in HOLD."""
-        if np.isfinite(obs.sensor_force).all():
-            self._fresh_force[:] = obs.sensor_force
-            self._blind_s = 0.0
+        if _finite(felt := obs.sensor_force.tolist()):
+            self._fresh_force, self._blind_s = felt, 0.0
         else:  # a missing sample holds the last force for a while
             self._blind_s += self._dt
             if self._blind_s > self.limits.stale_s + 1e-9:
                 self._fault(f"force {1000.0 * self._blind_s:.0f} ms old")
-        self._gain[0] = self._eased(0.0 if self._reason else self._allowed())
-        np.matmul(self._render, self._fresh_force, out=self._handle_force)
-        self._handle_force *= self._gain[0]
+        gain = self._eased(0.0 if self._reason else self._allowed())
+        self._gain[0] = gain
+        for i, force in enumerate(_product(self._render, self._fresh_force)):
+            self._handle_force[i] = gain * force
 
     def _allowed(self) -> float:
         return 1.0 if self._delay is None else self.limits.feedback(float(self._delay[0]))
@@ -213,23 +217,24 @@ class Teleoperation:
 
     def _power(self, obs: Observation) -> float:
         """(K_f/s_v) (F_s - F_s at rest) v [W]: what the object puts in at the hand, at the handle's scale."""
-        if not np.isfinite(obs.velocity).all():
+        if not _finite(velocity := obs.velocity.tolist()):
             return 0.0
-        handle_side = self._render @ (self._fresh_force - self._rest_force)
-        return float(self._gain[0] * handle_side @ (self._back.T @ obs.velocity)) / self._scale**2
+        handle_side = _product(self._render, [f - rest for f, rest in zip(self._fresh_force, self._rest_force, strict=True)])
+        power = sum(map(mul, handle_side, _product(self._forth, velocity)))
+        return float(self._gain[0]) * power / self._scale**2
 
     def _listen(self) -> None:
         """A sample, or the last one again; too long without, or one that cannot be, is a fault."""
         if problem := self._device.problem:
             self._fault(problem)
         self._device.read(self._sample)
-        if not np.isfinite(self._sample).all():
+        if not _finite(sample := self._sample.tolist()):
             self._silent_s += self._dt
             if self._silent_s > 1e-9 + (self.limits.stale_s if self._met else self.limits.connect_s):
                 self._fault(f"no sample from the device for {1000.0 * self._silent_s:.0f} ms")
             return
         self._silent_s, self._met = 0.0, True
-        fastest = float(np.abs(self._sample).max())
+        fastest = max(map(abs, sample))
         if fastest > self.limits.handle_max_m_per_s:
             self._fault(f"handle velocity {fastest:.3g} m/s cannot be")
             return
@@ -245,7 +250,7 @@ class Teleoperation:
             return
         if not pressed:
             self._released = True
-        elif self._released and self._mismatch[0] <= self.limits.match_m and not self._velocity.any():
+        elif self._released and self._mismatch[0] <= self.limits.match_m and not any(self._velocity):
             self._reason, self._ramp = "", 0.0
         else:
             self._released = False  # pressed at the wrong place: once more
@@ -254,8 +259,8 @@ class Teleoperation:
         """Eq. (2) inside what the arm may do. Wherever it is not one to one, the anchor moves along: no wind-up."""
         coupled = not self._reason and (self._clutch is None or self._clutch[0] > 0.5)
         self._ramp = min(1.0, self._ramp + self._dt / self.limits.ramp_s)
-        np.matmul(self._back, self._handle_velocity, out=self._wanted)
-        self._wanted *= self._ramp if coupled else 0.0
+        share = self._ramp if coupled else 0.0
+        wishes = _product(self._back, self._handle_velocity.tolist())
         exact = coupled and self._ramp == 1.0
         step, fastest = self.limits.a_max_m_per_s2 * self._dt, self.limits.v_max_m_per_s
         self._at_wall = False
@@ -263,7 +268,7 @@ class Teleoperation:
             up, down = fastest, fastest
             if isfinite(high - low) and isfinite(obs.position[i]):
                 up, down = min(up, self._reach(high - obs.position[i])), min(down, self._reach(obs.position[i] - low))
-            wanted, last = float(self._wanted[i]), float(self._velocity[i])
+            wanted, last = share * wishes[i], self._velocity[i]
             allowed = min(max(wanted, -down), up)
             self._at_wall |= allowed != wanted and abs(allowed) < fastest
             self._velocity[i] = min(max(allowed, last - step), last + step)
@@ -279,17 +284,32 @@ class Teleoperation:
         a = self.limits.a_max_m_per_s2
         return max(0.0, sqrt(2.0 * a * max(left, 0.0)) - a * self._dt)
 
+    def _places(self, obs: Observation) -> tuple[list[float], list[float]] | None:
+        """Where hand and handle are; None when either is not known."""
+        if self._place is None:
+            return None
+        hand, handle = obs.position.tolist(), self._place.tolist()
+        return (hand, handle) if _finite(hand) and _finite(handle) else None
+
     def _anchor(self, obs: Observation) -> None:
-        if self._place is not None and np.isfinite(obs.position).all() and np.isfinite(self._place).all():
-            self._hand_anchor[:], self._handle_anchor[:] = obs.position, self._place
+        if places := self._places(obs):
+            self._hand_anchor, self._handle_anchor = places
             self._mismatch[0] = 0.0
 
     def _measure_mismatch(self, obs: Observation) -> None:
         """How far the hand is from where the handle's way since the anchor would have it."""
-        if self._place is None or not (np.isfinite(obs.position).all() and np.isfinite(self._place).all()):
-            return
-        apart = obs.position - self._hand_anchor - self._back @ (self._place - self._handle_anchor)
-        self._mismatch[0] = sqrt(float(apart @ apart))
+        if places := self._places(obs):
+            hand = [x - start for x, start in zip(places[0], self._hand_anchor, strict=True)]
+            handle = [x - start for x, start in zip(places[1], self._handle_anchor, strict=True)]
+            self._mismatch[0] = dist(hand, _product(self._back, handle))
+
+
+def _finite(values: list[float]) -> bool:
+    return all(map(isfinite, values))
+
+
+def _product(matrix: list[list[float]], vector: list[float]) -> list[float]:
+    return [sum(map(mul, row, vector)) for row in matrix]
 
 
 def _checked_rotation(rotation: Array | None, n_axes: int) -> Array:

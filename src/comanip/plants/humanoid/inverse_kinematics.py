@@ -10,6 +10,8 @@ it can brake in what is left, cap(d) = sqrt(2 a d) - a T/2 (the same rule as the
 
 from __future__ import annotations
 
+from math import sqrt
+
 import numpy as np
 
 from ...errors import ParameterError
@@ -55,10 +57,11 @@ class InverseKinematics:
         self._dofs = scene.velocity_at[arm]
         ranges = model.jnt_range[[model.joint(scene.joints[j]).id for j in arm]]
         self._low, self._high = ranges[:, 0] + margin_rad, ranges[:, 1] - margin_rad
-        self._speed = np.array([robot.servo_of(scene.joints[j]).speed for j in arm])
+        speeds = [robot.servo_of(scene.joints[j]).speed for j in arm]
+        self._ways = list(zip(self._low.tolist(), self._high.tolist(), speeds, strict=True))
         self._data = mujoco().MjData(model)
+        self._place, self._rotation = self._data.site_xpos[scene.grasp_site], self._data.site_xmat[scene.grasp_site]
         self._jacobian = np.zeros((6, model.nv))
-        self._turn, self._level = np.zeros(3), np.eye(3)  # the beam is held level, along x
         self.joints = scene.posture.copy()
         self.target = np.zeros(3)
         self.slowed, self.holds_back = 1.0, False
@@ -86,22 +89,20 @@ class InverseKinematics:
 
     def step(self, velocity: Array) -> Array:
         """(J,) joints one step on, the hand moving at `velocity` (d,) [m/s] along the task axes."""
-        task = self._task
-        self.target[task] += velocity * self.step_s
+        self.target[self._task] += velocity * self.step_s
         self.move(self._error())
-        hand = self._data.site_xpos[self.scene.grasp_site]  # before the move: the leash is one step longer
-        room = self._leash + np.abs(velocity) * self.step_s
-        wanted = self.target[task]
-        self.target[task] = np.clip(wanted, hand[task] - room, hand[task] + room)
-        self.holds_back = self.slowed < 1.0 or bool((self.target[task] != wanted).any())
+        self.holds_back = self.slowed < 1.0
+        for i, axis in enumerate(self._task.tolist()):
+            room = self._leash + abs(float(velocity[i])) * self.step_s  # `_place` is before the move: one step more
+            wanted, place = float(self.target[axis]), float(self._place[axis])
+            self.target[axis] = min(max(wanted, place - room), place + room)
+            self.holds_back |= self.target[axis] != wanted
         return self.joints
 
     def hand(self) -> tuple[Array, Array]:
         """Position (3,) [m] and rotation (3, 3) of the grasp at the present reference."""
         self._error()
-        return self._data.site_xpos[self.scene.grasp_site].copy(), self._data.site_xmat[self.scene.grasp_site].reshape(
-            3, 3
-        ).copy()
+        return self._place.copy(), self._rotation.reshape(3, 3).copy()
 
     def singular_values(self) -> Array:
         """(6,) of the arm's Jacobian at the present reference, largest first."""
@@ -114,10 +115,10 @@ class InverseKinematics:
         data.qpos[scene.position_at] = self.joints
         mj.mj_kinematics(scene.model, data)
         mj.mj_comPos(scene.model, data)
-        rotation = data.site_xmat[scene.grasp_site].reshape(3, 3)
-        x, y, z = rotation.T
-        self._turn[:] = 0.5 * (_cross(x, self._level[0]) + _cross(y, self._level[1]) + _cross(z, self._level[2]))
-        return np.concatenate([self.target - data.site_xpos[scene.grasp_site], self._turn])
+        (x, y, z), r = self._place.tolist(), self._rotation.tolist()  # level is the world's attitude: the turn back is r - r^T
+        target = self.target.tolist()
+        turn = 0.5 * (r[5] - r[7]), 0.5 * (r[6] - r[2]), 0.5 * (r[1] - r[3])
+        return np.array([target[0] - x, target[1] - y, target[2] - z, *turn])
 
     def _arm_jacobian(self) -> Array:
         mujoco().mj_jacSite(self.scene.model, self._data, self._jacobian[:3], self._jacobian[3:], self.scene.grasp_site)
@@ -133,16 +134,16 @@ class InverseKinematics:
         if len(arm) > 6:
             pull = (self._pull * self.step_s) * (self.scene.posture[arm] - q)
             dq += pull - vt.T @ (vt @ pull)
-        self.slowed = min(1.0, float((self._allowed(q, dq) / np.maximum(np.abs(dq), 1e-12)).min()))
+        self.slowed = self._share(q.tolist(), dq.tolist())
         self.joints[arm] = q + self.slowed * dq
 
-    def _allowed(self, q: Array, dq: Array) -> Array:
-        """(A,) how far each joint may go in this step, in the direction of dq [rad]."""
-        left = np.maximum(np.where(dq > 0, self._high - q, q - self._low), 0.0)
-        brakeable = np.sqrt(2 * self._braking * left) - 0.5 * self._braking * self.step_s
-        return np.asarray(np.minimum(self._speed, np.maximum(brakeable, 0.0)) * self.step_s)
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """np.cross is ten times slower on two vectors."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    def _share(self, q: list[float], dq: list[float]) -> float:
+        """The largest part of the step dq, up to 1, at which every joint keeps its speed and could still brake [rad]."""
+        share, braking, step_s = 1.0, self._braking, self.step_s
+        for at, step, (low, high, speed) in zip(q, dq, self._ways, strict=True):
+            left = max(high - at if step > 0.0 else at - low, 0.0)
+            brakeable = max(sqrt(2.0 * braking * left) - 0.5 * braking * step_s, 0.0)
+            allowed = min(speed, brakeable) * step_s
+            if share * abs(step) > allowed:
+                share = allowed / abs(step)
+        return share

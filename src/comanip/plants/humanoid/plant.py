@@ -6,7 +6,10 @@ at single instants it would alias.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
+from itertools import islice
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +31,13 @@ from .scene import (
     Scene,
     build,
 )
+from .self_collision import SelfCollision
 from .servos import EVERY, PERIOD_S, ServoReferences
 from .simulator import mujoco
 from .stance import resume, stand
 
 FALLEN_SHARE, FALLEN_COSINE = 0.85, 0.94  # of the base's height; of its upright axis (20 deg)
+LOOK_EVERY = 20  # physics steps between two looks at what touches what: the hand moves 16 mm in that time at most
 LIMITS = ("range", "speed", "torque", "reach")
 
 # The exact beam that moves most like this robot with any load (identified from pulls and lifts; docs/physics.md).
@@ -82,7 +87,9 @@ class HumanoidPlant:
         self.scene = build(self.robot, load_mass_kg=load_mass_kg, length_m=length_m)
         self._ik = InverseKinematics(self.scene, self.robot, axes=self.axes, step_s=PERIOD_S)
         self._servos = ServoReferences(self.scene, self.robot, self._ik, smoothing_s=smoothing_s, n_axes=len(self.axes))
-        self._task = np.array([WORLD.index(a) for a in self.axes])
+        self._columns = [WORLD.index(a) for a in self.axes]
+        self._task = np.array(self._columns)
+        self._weight = [STANDARD_GRAVITY if a == "z" else 0.0 for a in self.axes]  # [m/s^2]
         self._start = self._start_point(start_position)
         self._stance = stand(self.scene, self.robot, self._ik, start=self._start, load_mass_kg=load_mass_kg)
         self._data = self._mj.MjData(self.scene.model)
@@ -100,11 +107,14 @@ class HumanoidPlant:
 
     def _allocate(self) -> None:
         scene, d = self.scene, len(self.axes)
-        self._limits = _Limits(scene, self.robot)
+        self._limits, self._self_collision = _Limits(scene, self.robot), SelfCollision(scene)
         self._force, self._position, self._velocity, self._user = np.zeros(d), np.zeros(d), np.zeros(d), np.zeros(d)
-        self._weight = np.where(self._task == 2, STANDARD_GRAVITY, 0.0)  # [m/s^2]
         self._late = round(self.sensor.delay_s / PHYSICS_STEP_S)
-        self._trace = np.zeros((self._late + self._steps + 1, scene.model.nsensordata))  # one row a millisecond, oldest first
+        self._trace: deque[list[float]] = deque(maxlen=self._late + self._steps + 1)  # one row a millisecond, oldest first
+        # Windows into the simulator's memory: asking for them anew costs a microsecond each
+        self._sensors, self._attitude = self._data.sensordata, self._data.site_xmat[scene.sensor_site]
+        self._pull = self._data.xfrc_applied[scene.far_body]
+        self._far, self._far_speed = FAR_POSITION + self._task, FAR_VELOCITY + self._task
         joints, base = np.zeros(len(scene.joints)), np.zeros(7)
         self._channels: dict[str, tuple[Array, str]] = {
             "partner.force": (self._force, "N"),
@@ -118,6 +128,7 @@ class HumanoidPlant:
             "robot.base": (base, ""),
             "robot.limits": (self._limits.counts, ""),
         }
+        self._seen = tuple(self._channels[name][0] for name in ("beam.tilt", "hand.acceleration", "hand.true_force"))
         self.columns: dict[str, tuple[str, ...]] = {
             **dict.fromkeys(("robot.joints", "robot.joint_reference", "robot.torque"), scene.joints),
             "robot.base": ("x", "y", "z", "qw", "qx", "qy", "qz"),
@@ -144,40 +155,43 @@ class HumanoidPlant:
         self._mj.mj_forward(self.scene.model, data)
         self._tick, self._stopped = 0, ""
         self._limits.counts[:] = 0.0
-        self._trace[:] = data.sensordata
-        self._trace[:, HAND_VELOCITY] = self._trace[:, BEAM_VELOCITY] = 0.0
-        self._user[:] = self._force[:] = 0.5 * self.load_mass_kg * self._weight
-        self._position[:], self._velocity[:] = data.sensordata[FAR_POSITION][self._task], 0.0
+        at_rest = self._sensors.copy()
+        at_rest[HAND_VELOCITY : HAND_VELOCITY + 3] = at_rest[BEAM_VELOCITY : BEAM_VELOCITY + 3] = 0.0
+        self._trace.extend([at_rest.tolist()] * (self._late + self._steps + 1))
+        self._user[:] = self._force[:] = [0.5 * self.load_mass_kg * weight for weight in self._weight]
+        self._position[:], self._velocity[:] = self._sensors[self._far], 0.0
         self.partner.reset(self._position.copy())
 
     def read(self, obs: Observation) -> None:
-        task, data, out = self._task, self._data, self._channels
-        now = data.sensordata
+        data, scene, out, now = self._data, self.scene, self._channels, self._trace[-1]
+        tilt, acceleration, truth = self._seen
         obs.time = self.time
-        obs.position[:] = now[HAND_POSITION][task]
-        obs.velocity[:] = now[HAND_VELOCITY][task]
-        noise = self.sensor.noise_n * self._rng.standard_normal(len(task))
-        obs.sensor_force[:] = self._object_on_hand() + self.sensor.bias_n + noise
-        out["beam.tilt"][0][:] = (self._position - obs.position) / self.length_m - (task == 0)
-        out["hand.acceleration"][0][:] = self._mean_rate(HAND_VELOCITY, self._late)
-        momentum_rate = self.load_mass_kg * (self._mean_rate(BEAM_VELOCITY, self._late) + self._weight)
-        out["hand.true_force"][0][:] = self._user - 0.5 * momentum_rate
-        data.qpos.take(self.scene.position_at, out=out["robot.joints"][0])
+        on_hand, far, user = self._arm_on_hand(), self._position.tolist(), self._user.tolist()
+        noise = self._rng.standard_normal(len(user)).tolist()
+        for i, (axis, weight) in enumerate(zip(self._columns, self._weight, strict=True)):  # plain floats: few axes, many ticks
+            position, half_kg = now[HAND_POSITION + axis], 0.5 * self.load_mass_kg
+            inertial = scene.hand_kg * (self._mean_rate(HAND_VELOCITY + axis, 0) + weight)
+            obs.position[i], obs.velocity[i] = position, now[HAND_VELOCITY + axis]
+            obs.sensor_force[i] = inertial - on_hand[axis] + self.sensor.bias_n + self.sensor.noise_n * noise[i]
+            tilt[i] = (far[i] - position) / self.length_m - (axis == 0)
+            acceleration[i] = self._mean_rate(HAND_VELOCITY + axis, self._late)
+            truth[i] = user[i] - half_kg * (self._mean_rate(BEAM_VELOCITY + axis, self._late) + weight)
+        data.qpos.take(scene.position_at, out=out["robot.joints"][0], mode="clip")
         out["robot.joint_reference"][0][:] = self._servos.reference
         out["robot.torque"][0][:] = data.actuator_force
-        if self.scene.free_base:
+        if scene.free_base:
             out["robot.base"][0][:] = data.qpos[:7]
 
-    def _mean_rate(self, velocity: slice, row: int) -> Array:
-        """(d,) mean acceleration over the control period that starts at `row` of the trace [m/s^2]."""
-        gained = self._trace[row + self._steps, velocity] - self._trace[row, velocity]
-        return np.asarray(gained[self._task] / self.dt)
+    def _mean_rate(self, column: int, row: int) -> float:
+        """Mean acceleration over the control period that starts at `row` of the trace [m/s^2]."""
+        return (self._trace[row + self._steps][column] - self._trace[row][column]) / self.dt
 
-    def _object_on_hand(self) -> Array:
-        """(d,) F_s [N], world frame: the sensor's mean over one period, less the hand's own weight and inertia."""
-        rotation = self._data.site_xmat[self.scene.sensor_site].reshape(3, 3)
-        arm_on_hand = rotation[self._task] @ self._trace[: self._steps, WRIST_FORCE].sum(axis=0) / self._steps
-        return np.asarray(self.scene.hand_kg * (self._mean_rate(HAND_VELOCITY, 0) + self._weight) - arm_on_hand)
+    def _arm_on_hand(self) -> list[float]:
+        """(3,) what the wrist sensor reads, mean over one period, turned into the world [N]; the object's pull is minus that."""
+        rows = [row[WRIST_FORCE : WRIST_FORCE + 3] for row in islice(self._trace, self._steps)]
+        x, y, z = [sum(column) / self._steps for column in zip(*rows, strict=True)]
+        r = self._attitude.tolist()
+        return [r[k] * x + r[k + 1] * y + r[k + 2] * z for k in (0, 3, 6)]
 
     def write(self, command: Command) -> None:
         self._servos.command[:] = command.velocity
@@ -186,32 +200,30 @@ class HumanoidPlant:
         """One control period; nothing moves any more once there is a reason to stop."""
         if self._stopped:
             return
-        mj, model, data, servos, task = self._mj, self.scene.model, self._data, self._servos, self._task
-        trace, sensors, control, reference = self._trace, data.sensordata, data.ctrl, servos.control
-        pull, position, velocity = data.xfrc_applied[self.scene.far_body], sensors[FAR_POSITION], sensors[FAR_VELOCITY]
-        partner_force, force, late, steps = self.partner.force, self._force, self._late, self._steps
-        trace[:late] = trace[steps : steps + late]
-        self._user[:] = 0.0
-        for row in range(late, late + steps):
+        mj, model, data, servos, trace = self._mj, self.scene.model, self._data, self._servos, self._trace
+        sensors, control, force, user = self._sensors, data.ctrl, self._force, self._user
+        trace.pop()  # the end of the last period is the start of this one, as yet without forces
+        user[:] = 0.0
+        for _ in range(self._steps):
             if self._tick % EVERY == 0:
-                self._stopped = self._stopped or _trouble(self._mj, self.scene, data, self._stance.height, self.time)
                 servos.plan()
                 self._limits.count(data, self._ik)
             servos.step()
-            control[:] = reference
-            self._position[:], self._velocity[:] = position[task], velocity[task]
-            partner_force(self._tick * PHYSICS_STEP_S, self._position, self._velocity, force)
-            pull[task] = force
-            self._user += force
+            control[:] = servos.control
+            self.partner.force(self.time, self._position, self._velocity, force)
+            self._pull[self._task] = force
+            user += force
             mj.mj_step2(model, data)  # accelerations, forces, integration ...
-            trace[row] = sensors
+            trace.append(sensors.tolist())
             mj.mj_step1(model, data)  # ... and the kinematics of the new state, which the partner feels next
             self._tick += 1
-        trace[late + steps] = sensors
-        self._user /= steps
-        self._position[:], self._velocity[:] = position[task], velocity[task]
-        if steps >= EVERY:
-            self._stopped = self._stopped or _trouble(self._mj, self.scene, data, self._stance.height, self.time)
+            self._position[:], self._velocity[:] = sensors[self._far], sensors[self._far_speed]
+            if self._tick % EVERY == 0:
+                self._stopped = self._stopped or _trouble(mj, self.scene, data, self._stance.height, self.time)
+            if self._tick % LOOK_EVERY == 0 and (touching := self._self_collision.look(data.qpos)):
+                self._stopped = self._stopped or f"the robot hits itself at {self.time:.3f} s: {touching}"
+        trace.append(sensors.tolist())
+        user /= self._steps
 
 
 class _Limits:
@@ -221,24 +233,24 @@ class _Limits:
         servos = [robot.servo_of(j) for j in scene.joints]
         self._torque, self._speed = np.array([s.torque for s in servos]), np.array([s.speed for s in servos])
         ranges = scene.model.jnt_range[[scene.model.joint(j).id for j in scene.joints]]
-        self._low, self._high = ranges[:, 0].copy(), ranges[:, 1].copy()
+        self._middle, self._half = ranges.mean(axis=1), 0.5 * np.ptp(ranges, axis=1)
         self._position_at, self._velocity_at = scene.position_at, scene.velocity_at
         self.counts = np.zeros(len(LIMITS))
 
     def count(self, data: Any, ik: InverseKinematics) -> None:
         q = data.qpos[self._position_at]
-        self.counts[0] += bool(((q < self._low) | (q > self._high)).any())
-        self.counts[1] += bool((np.abs(data.qvel[self._velocity_at]) > self._speed).any())
-        self.counts[2] += bool((np.abs(data.actuator_force) >= self._torque).any())
+        self.counts[0] += np.count_nonzero(np.abs(q - self._middle) > self._half) > 0
+        self.counts[1] += np.count_nonzero(np.abs(data.qvel[self._velocity_at]) > self._speed) > 0
+        self.counts[2] += np.count_nonzero(np.abs(data.actuator_force) >= self._torque) > 0
         self.counts[3] += ik.holds_back
 
 
 def _trouble(mj: Any, scene: Scene, data: Any, standing_m: float, time: float) -> str:
     """Why the run must end: a state that is not finite, a warning of the simulator, a fall; empty when all is well."""
-    if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
+    if not isfinite(data.qpos @ data.qpos + data.qvel @ data.qvel):
         return f"the physics is not finite at {time:.3f} s"
     counts = data.warning.number
-    if counts.any():
+    if np.count_nonzero(counts):
         kind = int(np.flatnonzero(counts)[0])
         return f"the simulator warned {mj.mjtWarning(kind).name} ({int(counts[kind])} times) at {time:.3f} s"
     if scene.free_base:

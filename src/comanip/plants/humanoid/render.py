@@ -178,8 +178,10 @@ def _pillow() -> Any:
 
 def _write_gif(path: Path, images: Iterator[Image], rate_hz: float) -> None:
     pillow = _pillow()
-    pictures = [pillow.fromarray(image).quantize(256, dither=pillow.Dither.NONE) for image in images]
-    pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=round(1000.0 / rate_hz), loop=0)
+    pictures = map(pillow.fromarray, images)
+    first = next(pictures).quantize(256, dither=pillow.Dither.NONE)
+    others = [picture.quantize(palette=first, dither=pillow.Dither.NONE) for picture in pictures]  # what is still stays still
+    first.save(path, save_all=True, append_images=others, duration=round(1000.0 / rate_hz), loop=0)
 
 
 def _write_mp4(path: Path, images: Iterator[Image], rate_hz: float) -> None:

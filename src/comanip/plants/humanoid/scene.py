@@ -20,13 +20,13 @@ from .simulator import mujoco
 PHYSICS_STEP_S = 0.001
 FAR_HANDLE_KG = 0.001  # enough for a body; taken off the beam
 
-# columns of `data.sensordata`: three each, world frame unless said otherwise
-WRIST_FORCE = slice(0, 3)  # of the arm on the hand, in the sensor's frame
-HAND_VELOCITY = slice(3, 6)  # of the grasp
-BEAM_VELOCITY = slice(6, 9)  # of its centre of mass
-FAR_POSITION = slice(9, 12)
-FAR_VELOCITY = slice(12, 15)
-HAND_POSITION = slice(15, 18)
+# first of three columns of `data.sensordata`, world frame unless said otherwise
+WRIST_FORCE = 0  # of the arm on the hand, in the sensor's frame
+HAND_VELOCITY = 3  # of the grasp
+BEAM_VELOCITY = 6  # of its centre of mass
+FAR_POSITION = 9
+FAR_VELOCITY = 12
+HAND_POSITION = 15
 
 
 class Scene(NamedTuple):

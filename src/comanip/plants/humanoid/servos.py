@@ -34,17 +34,18 @@ class ServoReferences:
         self._keep = exp(-PERIOD_S / smoothing_s) if smoothing_s > 0 else 0.0
         self._lead = np.array([s.damping / s.stiffness for s in servos]) / PHYSICS_STEP_S  # velocity feed-forward [steps]
         self.command, self._moving = np.zeros(n_axes), np.zeros(n_axes)
-        self.control, self._planned, self._per_step, self._offset = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+        self.control, self._planned, self._per_step = np.zeros(n), np.zeros(n), np.zeros(n)
+        self._offset, self._ahead = np.zeros(n), np.zeros(n)  # control - reference: what carries the weight; and all of it
 
     @property
     def reference(self) -> Array:
         """(J,) where the joints shall be now [rad]."""
-        return np.asarray(self.control - self._offset - self._lead * self._per_step)
+        return np.asarray(self.control - self._ahead)
 
     def reset(self, stance: Stance, start: Array) -> None:
         self._ik.stand_at(stance.base)
         self._planned[:] = self._ik.reach(start)
-        self._offset[:] = stance.offset
+        self._offset[:] = self._ahead[:] = stance.offset
         self.control[:] = self._planned + self._offset
         self._per_step[:] = 0.0
         self.command[:] = self._moving[:] = 0.0
@@ -54,11 +55,11 @@ class ServoReferences:
         behind = self._moving - self.command
         travel = self.command * PERIOD_S + behind * (self._smoothing * (1.0 - self._keep))
         self._moving[:] = self.command + behind * self._keep
-        self.control[:] = self._planned + self._offset
         planned = self._ik.step(travel / PERIOD_S)
         self._per_step[:] = (planned - self._planned) / EVERY
+        self._ahead[:] = self._offset + self._lead * self._per_step
+        self.control[:] = self._planned + self._ahead
         self._planned[:] = planned
-        self.control += self._lead * self._per_step
 
     def step(self) -> None:
         self.control += self._per_step
