@@ -1,8 +1,8 @@
-"""Plants one defect at a time in a copy of skills/envelope.py and counts how many the tests notice.
+"""Plants one defect at a time in a copy of skills/envelope.py and watching.py and counts how many the tests notice.
 
     python tests/mutate_envelope.py [first [last]]        the score, and which defects survived
 
-Not collected by pytest: it takes minutes. Each defect is one replacement of text that occurs exactly once.
+Not collected by pytest: it takes minutes. Each defect is one replacement of text that occurs exactly once in the two files.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-TESTS = ["tests/faults/test_controller_faults.py", "tests/laws/test_envelope_laws.py"]
+SOURCES = ("envelope.py", "watching.py")
+TESTS = ["tests/faults/test_controller_faults.py", "tests/laws/test_envelope_laws.py", "tests/skills/test_watching.py"]
 DEFECTS = [
     ("no clip to the reachable", "velocity.append(min(max(v, old - change), old + change))", "velocity.append(v)"),
     ("no clip to the brakeable", "v = min(max(self._asked[i], -down), up)", "v = self._asked[i]"),
@@ -80,10 +81,15 @@ DEFECTS = [
         "if not isfinite(value):\n                    return",
         "if False:\n                    return",
     ),
-    ("blocked never seen", "if self._blocked_s > limits.blocked_s:", "if False:"),
+    ("blocked never seen", "if self._blocked_ns > limits.blocked_n * limits.blocked_s:", "if False:"),
+    ("blocked by a pull ahead", "against = -sum(f * v", "against = sum(f * v"),
+    ("blocked adds up for ever", "if against > limits.blocked_n else 0.0", "if against > limits.blocked_n else self._blocked_ns"),
+    ("an impact is a force too high", "if self._impact_s <= 0.0 else self.limits.impact_n", "if True else 0.0"),
+    ("an impact lasts for ever", "self._impact_s -= period", "pass"),
+    ("an impact of any force", "else self.limits.impact_n", "else 1e9"),
     ("let go never seen", "if self._alone_s > limits.let_go_s:", "if False:"),
     ("let go of nobody", "if self._held and size", "if size"),
-    ("shake never said", "if self._shake > limits.shake_n:", "if False:"),
+    ("shake never said", "if self._shaking.amplitude > limits.shake_n:", "if False:"),
     ("bias never said", "if self._rest_s > 2.0 and", "if False and"),
     ("checker ignored", "        if verdict:\n", "        if False:\n"),
     ("skill stepped on old samples", "        if not fresh:\n            return\n", ""),
@@ -95,14 +101,21 @@ DEFECTS = [
         "float(inner.position[i])",
     ),
     ("first tick counts as old", "if self._first:", "if False:"),
-    ("object never weighed", "if self._weighed < 25:", "if self._weighed < 10**9:"),
+    ("object never weighed", "if self._weighed < WEIGHED_TICKS:", "if self._weighed < 10**9:"),
     ("weighed at half", "(f - w) / self._weighed for", "0.5 * (f - w) / self._weighed for"),
-    ("missing pull of one sample", "max(round(ALONE_MEAN_S / self._dt), 1)", "1"),
-    ("a slow pull is letting go", "and (self._missing_s > 0.0 or self._gone_s < 4.0 * limits.sudden_s)", ""),
+    ("missing pull of one sample", "max(round(SWING_S / dt), 1)", "1"),
+    ("a slow pull is letting go", "and free and sudden", "and free"),
+    ("a wall is letting go", "and free and sudden", "and sudden"),
     ("no loss is sudden", "> 0.5 * load else", "> 5.0 * load else"),
-    ("let go in a moment", "if self._missing_s > limits.alone_s:", "if self._missing_s > 0.0:"),
-    ("the whole object never noticed", "if self._missing_s > limits.alone_s:", "if False:"),
-    ("a pull beyond the weight is letting go", "missing = sqrt(sum(p * p for p in pulls))", "missing = min(pulls)"),
+    ("let go in a moment", "return self._for_s > self._alone_s", "return self._for_s > 0.0"),
+    ("the whole object never noticed", "return self._for_s > self._alone_s", "return False"),
+    ("a pull beyond the weight is letting go", "alone = hypot(*pull) <", "alone = min(pull) <"),
+    ("a jump is never seen", "abs(size) if SAME[0] < share < SAME[1] else 0.0", "0.0"),
+    ("a knock is a jump", "abs(size) if SAME[0] < share < SAME[1] else 0.0", "abs(size)"),
+    ("a jump in motion too", "if self._still_s > self._rest_s and change", "if change"),
+    ("noise is a jump", "self._least_n + 6.0 * self._usual[i]", "self._least_n + 0.5 * self._usual[i]"),
+    ("noise is never learned", "self._usual[i] += share *", "self._usual[i] += 0.0 *"),
+    ("shaking is a mean", "self._mean += min(period / 0.5, 1.0) * (abs(", "self._mean += min(period / 0.5, 1.0) * ("),
 ]
 
 
@@ -112,37 +125,45 @@ settings.load_profile("unshrunk")
 """  # a defect is caught by any failure; the shortest one is of no interest
 
 
-def noticed(source: str, folder: Path) -> bool:
-    (folder / "comanip/skills/envelope.py").write_text(source)
+def noticed(folder: Path) -> bool:
     path = os.pathsep.join([str(folder), str(ROOT / "tests")])
     quick = ["-x", "-q", "-p", "no:cacheprovider", "-p", "unshrunk", "-k", "not living_partners and not C22"]
     command = [sys.executable, "-m", "pytest", *quick, *TESTS]
-    environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
+    environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1", "COMANIP_KERNELS": "numpy"}
     try:
         return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=120).returncode != 0
     except subprocess.TimeoutExpired:
         return True
 
 
+def caught(defect: tuple[str, str, str], folder: Path) -> bool:
+    text, old, new = defect
+    originals = {folder / "comanip/skills" / name: (ROOT / "src/comanip/skills" / name).read_text() for name in SOURCES}
+    where = [file for file, source in originals.items() for _ in range(source.count(old))]
+    if len(where) != 1:
+        sys.exit(f"{text}: occurs {len(where)} times: {old!r}")
+    where[0].write_text(originals[where[0]].replace(old, new))
+    try:
+        return noticed(folder)
+    finally:
+        where[0].write_text(originals[where[0]])
+
+
 def main() -> None:
-    original = (ROOT / "src/comanip/skills/envelope.py").read_text()
     survivors = []
     defects = DEFECTS[slice(*([int(n) for n in sys.argv[1:]] + [len(DEFECTS)])[:2])] if sys.argv[1:] else DEFECTS
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "unshrunk.py").write_text(PLUGIN)
         shutil.copytree(ROOT / "src/comanip", folder / "comanip")
-        if noticed(original, folder):
+        if noticed(folder):
             sys.exit("the tests fail without any defect")
-        for text, old, new in defects:
-            if original.count(old) != 1:
-                sys.exit(f"{text}: occurs {original.count(old)} times: {old!r}")
-            caught = noticed(original.replace(old, new), folder)
-            print("caught  " if caught else "SURVIVES", text, flush=True)
-            if not caught:
-                survivors.append(text)
+        for defect in defects:
+            was = caught(defect, folder)
+            print("caught  " if was else "SURVIVES", defect[0], flush=True)
+            survivors += [] if was else [defect[0]]
     n = len(defects)
-    print(f"{n - len(survivors)} of {n} caught ({100 * (n - len(survivors)) / n:.0f} %)")
+    print(f"{n - len(survivors)} of {n} caught ({100 * (n - len(survivors)) / n:.0f} %); alive: {', '.join(survivors) or 'none'}")
 
 
 if __name__ == "__main__":
