@@ -1,4 +1,4 @@
-/* The loops that cost time, compiled: E-step, decoding, one on-line tick, roll-outs. Arrays in, arrays out.
+/* The loops that cost time, compiled: E-step, decoding, one on-line tick of filter and law, roll-outs. Arrays in, arrays out.
  *
  * The mathematics is that of the readable twins in comanip.models, and a test holds the two together. Here is only what makes it
  * fast: several sequences ride in the lanes of one vector, a group of them stays in the L2 cache from the forward pass to the sums,
@@ -734,6 +734,121 @@ static PyObject *lines_mean(PyObject *object, PyObject *const *args, Py_ssize_t 
     return PyBool_FromLong(done);
 }
 
+/* ----------------------------------------------------------------------------------------------------------- laws */
+
+#include "_law.h"
+
+/* An array that comes again at every tick, taken once. Its exporter must be the array itself, as numpy's is, or another object might
+ * one day sit at the same address. */
+static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
+    Py_buffer *view = &slot->view;
+    if (view->obj == object) return view->buf;
+    PyBuffer_Release(view);
+    if (!vector(slot, object, n, writable)) {
+        view->obj = NULL;
+        return NULL;
+    }
+    if (view->obj == object) return view->buf;
+    PyBuffer_Release(view);
+    return NULL;
+}
+
+enum { POSITION, FORCE, COMMAND, LAW_SLOTS = COMMAND + 3 };
+
+typedef struct {
+    PyObject_HEAD
+    Law law;
+    Arrays arrays;
+    PyObject *filter;
+    Array slots[LAW_SLOTS];
+} Laws;
+
+static PyTypeObject *filter_type;
+
+static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
+    PyObject *filter, *numbers, *insistence, *path, *velocity, *force, *compliance, *pace_memory, *memory, *until, *seen;
+    double dt, model_dt, step_s, top_speed, pull_s;
+    int d;
+    (void)keywords;
+    if (!PyArg_ParseTuple(args, "O!OOOOOOOOOOiddddd", filter_type, &filter, &numbers, &insistence, &path, &velocity, &force,
+                          &compliance, &pace_memory, &memory, &until, &seen, &d, &dt, &model_dt, &step_s, &top_speed, &pull_s))
+        return NULL;
+    const int D = ((Filter *)filter)->tick.D;
+    const Py_ssize_t rows = d > 0 ? count_of(path) / d : 0;
+    if (PyErr_Occurred()) return NULL;
+    if (d < 1 || d > MOST_AXES || rows < 2 || (D != d && D != 2 * d))
+        return PyErr_Format(PyExc_ValueError, "a law has 1 to %d axes, a path, and a filter of position or position and force", MOST_AXES);
+    Laws *self = (Laws *)PyType_GenericAlloc(type, 0);
+    if (!self) return NULL;
+    Law *l = &self->law;
+    *l = (Law){.d = d, .rows = (int)rows, .dt = dt, .model_dt = model_dt, .step_s = step_s, .top_speed = top_speed};
+#define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
+    const double *given = TAKE(numbers, 0, sizeof(Numbers) / 8), *insists = TAKE(insistence, 0, sizeof(Insistence) / 8);
+    l->path = TAKE(path, 0, rows * d);
+    l->velocity_table = TAKE(velocity, 0, rows * d);
+    l->force_table = TAKE(force, 0, rows * d);
+    double *of_compliance = TAKE(compliance, 1, 2 * d + 1), *of_pace = TAKE(pace_memory, 1, 3 * d + 3);
+    double *of_skill = TAKE(memory, 1, 7 * d + 2);
+    l->until = TAKE(until, 1, 1);
+    l->seen = TAKE(seen, 1, D);
+#undef TAKE
+    if (PyErr_Occurred()) {
+        Py_DecRef((PyObject *)self);
+        return NULL;
+    }
+    memcpy(&l->law, given, sizeof(Numbers));
+    memcpy(&l->insists, insists, sizeof(Insistence));
+    l->duration_s = step_s * (double)(rows - 1);
+    l->keep_slow = 1.0 - exp(-2.0 * PI * l->law.shake_hz * dt);
+    l->keep_shake = least(dt / 0.3, 1.0);
+    l->pull_share = least(dt / pull_s, 1.0);
+    l->compliance = of_compliance, l->slow = of_compliance + d, l->shake = of_compliance + 2 * d;
+    double **const paces[] = {&l->expected, &l->wanted, &l->hold, &l->clock};
+    double **const skills[] = {
+        &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->shown_clock,
+    };
+    for (int i = 0; i < 4; i++) *paces[i] = of_pace + i * d;
+    for (int i = 0; i < 8; i++) *skills[i] = of_skill + i * d;
+    self->filter = Py_NewRef(filter);
+    l->filter = &((Filter *)filter)->tick;
+    l->level = ((Filter *)filter)->level;
+    return (PyObject *)self;
+}
+
+static void law_dealloc(PyObject *object) {
+    Laws *self = (Laws *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    for (int i = 0; i < LAW_SLOTS; i++) PyBuffer_Release(&self->slots[i].view);
+    release(&self->arrays);
+    Py_XDECREF(self->filter);
+    freefunc release_object = (freefunc)PyType_GetSlot(type, Py_tp_free);
+    release_object(object);
+    Py_DecRef((PyObject *)type);
+}
+
+/* (position, force, and the command's position, velocity, acceleration) of one tick; 0 when it is for the twin. */
+static int law_takes(Laws *self, PyObject *const *args, Py_ssize_t n, const double **x, const double **force, double *out[3]) {
+    const int d = self->law.d;
+    if (n != 5) return 0;
+    *x = kept(&self->slots[POSITION], args[0], d, 0);
+    *force = kept(&self->slots[FORCE], args[1], d, 0);
+    for (int i = 0; i < 3; i++)
+        if (!(out[i] = kept(&self->slots[COMMAND + i], args[2 + i], d, 1))) return 0;
+    return *x && *force && all_finite(*x, d) && all_finite(*force, d);
+}
+
+#define LAW_METHOD(name, call)                                                          \
+    static PyObject *law_##name(PyObject *object, PyObject *const *args, Py_ssize_t n) { \
+        Law *l = &((Laws *)object)->law;                                                \
+        const double *x, *force;                                                        \
+        double *out[3];                                                                 \
+        return PyBool_FromLong(law_takes((Laws *)object, args, n, &x, &force, out) && call); \
+    }
+LAW_METHOD(comply, follow(l, x, force, out, 0))
+LAW_METHOD(follow, follow(l, x, force, out, 1))
+LAW_METHOD(lead, lead(l, x, force, force, out))
+LAW_METHOD(lead_on, lead_on(l, x, force, out))
+
 /* --------------------------------------------------------------------------------------------------------- module */
 
 static PyObject *levels(PyObject *self, PyObject *none) {
@@ -799,15 +914,31 @@ static PyType_Slot lines_slots[] = {
 };
 static PyType_Spec lines_spec = {"comanip.kernels._native.Lines", sizeof(Lines), 0, Py_TPFLAGS_DEFAULT, lines_slots};
 
+#define LAW_ENTRY(name, says) {#name, (PyCFunction)(void (*)(void))law_##name, METH_FASTCALL, says " False, with nothing changed, when the twin has to."}
+static PyMethodDef law_methods[] = {
+    LAW_ENTRY(comply, "One tick of compliance alone."),
+    LAW_ENTRY(follow, "One tick of a follower."),
+    LAW_ENTRY(lead, "One tick of a leader."),
+    LAW_ENTRY(lead_on, "One tick of a leader who may give way."),
+    {NULL, NULL, 0, NULL},
+};
+static PyType_Slot law_slots[] = {{Py_tp_new, law_new}, {Py_tp_dealloc, law_dealloc}, {Py_tp_methods, law_methods}, {0, NULL}};
+static PyType_Spec law_spec = {"comanip.kernels._native.Law", sizeof(Laws), 0, Py_TPFLAGS_DEFAULT, law_slots};
+
 static int start(PyObject *module) {
     for (int i = N_LEVELS - 1; i >= 0; i--)
         if (runs_here(LEVELS[i])) active = LEVELS[i];
-    PyObject *filter = PyType_FromSpec(&filter_spec), *lines_type = PyType_FromSpec(&lines_spec);
-    const int wrong = !filter || !lines_type || PyModule_AddType(module, (PyTypeObject *)filter) < 0 ||
-                      PyModule_AddType(module, (PyTypeObject *)lines_type) < 0;
-    Py_XDECREF(filter);
-    Py_XDECREF(lines_type);
-    return wrong ? -1 : 0;
+    PyType_Spec *const specs[] = {&filter_spec, &lines_spec, &law_spec};
+    for (size_t i = 0; i < sizeof specs / sizeof *specs; i++) {
+        PyObject *type = PyType_FromSpec(specs[i]);
+        if (!type || PyModule_AddType(module, (PyTypeObject *)type) < 0) {
+            Py_XDECREF(type);
+            return -1;
+        }
+        if (specs[i] == &filter_spec) filter_type = (PyTypeObject *)type; /* and its reference */
+        else Py_DecRef(type);
+    }
+    return 0;
 }
 
 static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, start}, {0, NULL}};
