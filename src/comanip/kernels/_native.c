@@ -73,7 +73,9 @@ typedef struct {
     const Model *model;
     int n_axes, n_forces;
     int64_t n, length, force_step; /* force_step: T when every roll-out has its own forces, else 0 */
-    const double *start, *force, *gains, *offsets;
+    const double *start, *force;
+    const double *matrix;          /* (K, columns) the chain, and each axis' line: offset, gains; `columns` is even */
+    int columns;
     const int64_t *source;         /* (D) which of (position, force, velocity) each channel of the evidence is */
     double gate, dt, *position, *velocity;
 } Rollouts;
@@ -512,13 +514,13 @@ done:
 }
 
 static PyObject *rollouts(PyObject *self, PyObject *args) {
-    PyObject *start, *force, *source, *initial, *transition, *origin, *factors, *centres, *peak, *gains, *offsets, *position, *velocity;
+    PyObject *start, *force, *source, *initial, *origin, *factors, *centres, *peak, *matrix, *position, *velocity;
     double gate, dt;
     int n_threads;
     Py_ssize_t d, f, n, T;
     (void)self;
-    if (!PyArg_ParseTuple(args, "nnnnOOOOOOOOOOOddOOi", &d, &f, &n, &T, &start, &force, &source, &initial, &transition, &origin,
-                          &factors, &centres, &peak, &gains, &offsets, &gate, &dt, &position, &velocity, &n_threads))
+    if (!PyArg_ParseTuple(args, "nnnnOOOOOOOOOddOOi", &d, &f, &n, &T, &start, &force, &source, &initial, &origin,
+                          &factors, &centres, &peak, &matrix, &gate, &dt, &position, &velocity, &n_threads))
         return NULL;
     const Py_ssize_t D = count_of(origin), K = count_of(peak), n_force = count_of(force);
     if (PyErr_Occurred()) return NULL;
@@ -532,10 +534,10 @@ static PyObject *rollouts(PyObject *self, PyObject *args) {
     job.start = NUMBERS(start, n * d);
     job.force = NUMBERS(force, n_force);
     job.source = NUMBERS(source, D);
-    const double *pi = NUMBERS(initial, K), *a = NUMBERS(transition, K * K), *o = NUMBERS(origin, D), *fa = NUMBERS(factors, K * D * D);
+    const double *pi = NUMBERS(initial, K), *o = NUMBERS(origin, D), *fa = NUMBERS(factors, K * D * D);
     const double *c = NUMBERS(centres, K * D), *p = NUMBERS(peak, K);
-    job.gains = NUMBERS(gains, d * (d + f) * K);
-    job.offsets = NUMBERS(offsets, d * K);
+    job.columns = (int)(K + d * (1 + d + f) + 1) / 2 * 2;
+    job.matrix = NUMBERS(matrix, K * job.columns);
     job.position = RESULT(position, n * T * d);
     job.velocity = RESULT(velocity, n * T * d);
     double *block = NULL;
@@ -545,11 +547,11 @@ static PyObject *rollouts(PyObject *self, PyObject *args) {
             PyErr_SetString(PyExc_ValueError, "a channel of the evidence has no source");
             goto done;
         }
-    block = lay_out(&model, (int)D, (int)K, o, fa, c, p, pi, a);
+    block = lay_out(&model, (int)D, (int)K, o, fa, c, p, pi, NULL);
     const Level *level = active;
     Work w = {.rollouts = &job, .level = level, .n_groups = (int)((n + TILES * level->lanes - 1) / (TILES * level->lanes))};
     w.n_slots = w.n_groups;
-    w.space_size = block ? common_space(&model, level->lanes) + (size_t)level->lanes * TILES * (RUN + 1) * (2 * d + f) : 0;
+    w.space_size = block ? common_space(&model, level->lanes) + (size_t)level->lanes * TILES * ((RUN + 1) * (2 * d + f) + job.columns) : 0;
     if (!block || run(&w, n_threads) < 0) {
         PyErr_NoMemory();
         goto done;
