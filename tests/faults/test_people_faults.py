@@ -92,8 +92,23 @@ class Nobody:
         out[:] = STANDARD_GRAVITY
 
 
-def stepping(newtons, at=1.0):
-    return lambda t: newtons * (t >= at)
+class Knocks:
+    """Like `person`, and every second he knocks: half a sine of `newtons`, `lasting_s` long."""
+
+    def __init__(self, newtons, lasting_s, person):
+        self.newtons, self.lasting, self.person = newtons, lasting_s, person
+
+    def reset(self, position):
+        self.person.reset(position)
+
+    def force(self, time, position, velocity, out):
+        self.person.force(time, position, velocity, out)
+        phase = (time % 1.0) / self.lasting
+        out += self.newtons * np.sin(np.pi * phase) * (time > 1.0) * (phase < 1.0)
+
+
+def stepping(newtons, at=1.0, rise_s=0.0):
+    return lambda t: newtons * min(max((t - at) / rise_s, 0.0), 1.0) if rise_s else newtons * (t >= at)
 
 
 CREEP = 0.005  # [m/s]
@@ -101,18 +116,32 @@ STEPS = pytest.mark.parametrize("newtons", [2.0, 4.0, 8.0])
 
 
 @STEPS
-def test_C9_a_step_of_bias_leans_on_who_holds_his_place_and_does_not_creep(skills, newtons):
-    t, x, v, _ = carry(skill_of(skills, "follower"), holder(), 12.0, bias=stepping(newtons))
+@pytest.mark.parametrize("rise_s", [0.0, 0.5])
+def test_C9_a_step_of_bias_leans_on_who_holds_his_place_and_does_not_creep(skills, newtons, rise_s):
+    t, x, v, _ = carry(skill_of(skills, "follower"), holder(), 12.0, bias=stepping(newtons, rise_s=rise_s))
     assert np.abs(v[t > 8.0]).max() < CREEP
     assert abs(x[-1] - START) < 1.5 * newtons / 120.0
 
 
-@pytest.mark.xfail(strict=True, reason="the hand leans until his arm answers the bias; F is then 0 again, and nothing is said")
 @STEPS
-def test_C9_a_step_of_bias_is_said_beside_who_holds_his_place(skills, newtons):
+@pytest.mark.parametrize("role", ["follower", "auto"])
+@pytest.mark.parametrize("who", ["who holds his place", "who holds none"])
+def test_C9_a_step_of_bias_at_rest_is_said_and_held(skills, newtons, role, who):
+    noted = Noted(skill_of(skills, role))
+    t, _, v, _ = carry(noted, holder() if who == "who holds his place" else Nobody(), 6.0, bias=stepping(newtons))
+    assert 1.0 < noted.said("HOLD: force jumped") <= 1.1
+    assert abs(float(noted.notices[-1].split()[3]) - newtons) < 0.5
+    assert noted.notices[-1].endswith("N at rest: sensor? tare, then re-arm")
+    assert np.abs(v[t > 2.0]).max() < CREEP
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_C9_what_people_do_at_rest_is_no_jump(skills, seed):
+    """Starts, stops and knocks of 0.1 s, on a sensor with 0.5 N of noise."""
     noted = Noted(skill_of(skills, "follower"))
-    carry(noted, holder(), 8.0, bias=stepping(newtons))
-    assert noted.said("wrong mass? tare") is not None
+    knocks = Knocks(12.0, 0.1, leader(onset=3.0, duration=1.6, seed=seed))
+    carry(noted, knocks, 8.0, sensor=WristSensor(noise_n=0.5), seed=seed)
+    assert noted.said("HOLD") is None
 
 
 def test_C9_a_bias_that_drifts_by_1_N_a_minute_creeps_less_than_5_mm_a_second(skills):
@@ -128,12 +157,6 @@ def mean_creep(skills, newtons):
 
 def test_C9_up_to_0_6_N_it_does_not_creep_beside_who_holds_no_place(skills):
     assert mean_creep(skills, 0.6) < CREEP
-
-
-@pytest.mark.xfail(strict=True, reason="beside who holds no place at all a bias of 2 N ends in 0.6 m/s, 4 and 8 N in 0.8 m/s")
-@STEPS
-def test_C9_from_2_N_on_it_does_not_creep_beside_who_holds_no_place(skills, newtons):
-    assert mean_creep(skills, newtons) < CREEP
 
 
 @pytest.mark.parametrize("role", [*ROLES, "auto"])
@@ -221,17 +244,16 @@ def test_C15_a_mass_that_was_not_weighed_is_said(skills, mass_kg):
 
 
 STIFFNESS, DELAYS = (50.0, 150.0, 400.0, 1100.0, 3000.0), (0.0, 0.025, 0.05, 0.075, 0.1)
-SHAKY = ((3000.0, 0.1),)  # the known boundary: (stiffness [N/m], delay [s]) of which the ripple stays above 1 cm/s
 
 
 def grid_ripple(skills, stiffness, delay, damping_ratio=0.5):
-    """(largest speed [m/s] in 7 s, ripple in the last second) after a nudge of 8 N to a partner who holds his place."""
+    """(largest speed [m/s] in 7 s, ripple in the last second) after a nudge of 1.6 N s to a partner who holds his place."""
     damping = 2.0 * damping_ratio * np.sqrt(stiffness * 2.0)
 
     class Nudged(Shakes):
         def force(self, time, position, velocity, out):
             self.person.force(time, position, velocity, out)
-            out += 8.0 * (1.0 <= time < 1.2)
+            out += 12.5 * np.sin(np.pi * (time - 1.0) / 0.2) * (1.0 <= time < 1.2)
 
     sensor = WristSensor(noise_n=0.1, delay_s=delay)
     t, _, v, _ = carry(
@@ -249,7 +271,7 @@ def test_C16_stiff_and_soft_people_with_a_late_sensor_end_in_rest(skills):
             if ripple >= 0.01:
                 shaky.append((stiffness, delay))
                 print(f"{stiffness:g} N/m, {1000 * delay:g} ms: ripple {1000 * ripple:.1f} mm/s")
-    assert set(shaky) == set(SHAKY), shaky
+    assert not shaky
 
 
 def test_C17_another_skill_at_any_moment_of_a_lift_is_no_step(skills):

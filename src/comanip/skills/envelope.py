@@ -17,20 +17,19 @@ Good engineering, not a certified safety function; what it promises and what not
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import copysign, exp, inf, isfinite, pi, sqrt
+from math import copysign, hypot, inf, isfinite, sqrt
 
 import numpy as np
 
 from ..errors import ParameterError
-from ..interfaces import STANDARD_GRAVITY, Array, Command, Observation, Skill
+from ..interfaces import Array, Command, Observation, Skill
 from .checker import Checker
+from .watching import Jump, LetGo, Shaking
 
 RUN, COMPLY, HOLD = 0, 1, 2
 NAMES = ("RUN", "COMPLY", "HOLD")
-ALONE_MEAN_S = 0.1  # an object that is let go swings on the wrist at about 10 Hz: the mean of one swing is its weight
 ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
 
 
@@ -53,7 +52,9 @@ class Limits:
     drift_m: float = 0.05  # between where the hand was sent and where it is
     rest_m_per_s: float = 0.02  # measured speed up to which re-arming counts as at rest
     blocked_n: float = 20.0  # against the motion
-    blocked_s: float = 0.03  # a hand at 0.4 m/s presses 20 N more into a wall with every 20 ms
+    blocked_s: float = 0.03  # sooner by as much as it is more: a hand at 0.5 m/s presses 12 N more into a wall with every 10 ms
+    impact_s: float = 0.2  # so long after, the force may pass its limit while it gives way: a HOLD would keep pressing
+    impact_n: float = 180.0
     alone_n: float = 2.2  # within this of carrying the whole object alone, the partner's end is free
     alone_s: float = 0.15
     sudden_s: float = 0.15  # within this his pull is gone: who pulls down harder and harder has not let go
@@ -63,6 +64,9 @@ class Limits:
     let_go_m_per_s: float = 0.08
     shake_n: float = 6.0  # amplitude above 1 Hz from which shaking is said
     tare_n: float = 1.5  # mean force at rest from which tare is doubted
+    jump_n: float = 0.8  # and 6 times the usual change: from one sample to the next, at rest for `jump_rest_s`, and
+    jump_rest_s: float = 0.3
+    jump_stays_s: float = 0.05  # still there so long after
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:
@@ -144,8 +148,8 @@ class Envelope:
 
     def _flags(self) -> list[str]:
         flags, limits = [], self.limits
-        if self._shake > limits.shake_n:
-            flags.append(f"shaking, {self._shake:.0f} N")
+        if self._shaking.amplitude > limits.shake_n:
+            flags.append(f"shaking, {self._shaking.amplitude:.0f} N")
         felt = self._felt if self._rest_s > 2.0 else 0.0
         at_rest = max(felt, self._at_first, key=abs)
         if abs(at_rest) > limits.tare_n:
@@ -215,13 +219,15 @@ class Envelope:
         self._known = True
         self._raw, self._same_s = [inf] * d, [0.0] * d
         self._energy = [self.limits.energy_j] * d
-        self._blocked_s = self._alone_s = self._rest_s = self._felt = self._slow = self._shake = self._shaken = 0.0
+        self._blocked_ns = self._impact_s = self._alone_s = self._rest_s = self._felt = 0.0
         self._held = False
-        self._ticks, self._at_first = 0, 0.0
-        self._weight, self._weighed = [0.0] * d, 0  # F_s at rest, both holding: this hand's share of the object
-        self._missing: deque[list[float]] = deque(maxlen=max(round(ALONE_MEAN_S / self._dt), 1))
-        self._held_before: deque[float] = deque(maxlen=max(round(self.limits.sudden_s / self._dt), 1))
-        self._missing_s, self._gone_s, self._rate = 0.0, inf, [0.0] * d
+        self._ticks, self._at_first, self._rate = 0, 0.0, [0.0] * d
+        limits = self.limits
+        self._let_go = LetGo(
+            d, self._dt, alone_n=limits.alone_n, alone_s=limits.alone_s, sudden_s=limits.sudden_s, least_n=limits.held_n
+        )
+        self._jump = Jump(d, limits.jump_n, limits.jump_rest_s, limits.jump_stays_s)
+        self._shaking = Shaking()
         self._checker.start(position)
         self._mode[0], self._confidence[0], self._tank[:] = RUN, 1.0, self.limits.energy_j
 
@@ -247,8 +253,9 @@ class Envelope:
     def _wrong(self, force: float, velocity: float) -> str:
         if not abs(force) < ABSURD:
             return "force not finite"
-        if abs(force) > self.limits.force_limit_n:
-            return f"force {abs(force):.0f} N > {self.limits.force_limit_n:g} N"
+        limit = self.limits.force_limit_n if self._impact_s <= 0.0 else self.limits.impact_n
+        if abs(force) > limit:
+            return f"force {abs(force):.0f} N > {limit:g} N"
         if abs(velocity) > 10.0 * self.limits.v_max_m_per_s:  # NaN is a velocity nobody measures, and allowed
             return "velocity not plausible"
         return ""
@@ -275,6 +282,7 @@ class Envelope:
 
     def _step(self, obs: Observation, command: Command) -> None:
         period, fresh, late = self._clock(obs)
+        self._impact_s -= period
         if fresh:
             self._sense(obs, period)
         self._known = fresh and self._known
@@ -355,21 +363,10 @@ class Envelope:
         self._known = good
         if good:
             self._force = force
-            self._weigh(raw)
-
-    def _weigh(self, raw: list[float]) -> None:
-        """The object's weight on this hand, from the first quarter second at rest; and what of the partner's pull is missing.
-
-        Where the partner lets go F = -s m (g + a): this hand then carries twice its share, and nothing else pulls.
-        """
-        if self._weighed < 25:
-            still = max(abs(v) for v in self._v) < self.limits.moving_m_per_s and max(map(abs, self._force)) < self.limits.tare_n
-            if still and all(abs(f) < ABSURD for f in raw):
-                self._weighed += 1
-                self._weight = [w + (f - w) / self._weighed for w, f in zip(self._weight, raw, strict=True)]
-            return
-        held = zip(self._force, self._weight, self._rate, strict=True)
-        self._missing.append([f - w * (1.0 + a / STANDARD_GRAVITY) for f, w, a in held])
+            at_rest = max(map(abs, self._v)) < limits.moving_m_per_s
+            self._let_go.weigh(raw, force, self._rate, at_rest and max(map(abs, force)) < limits.tare_n)
+            if jump := self._jump.step(raw, at_rest, period):
+                self._fault(f"force jumped {jump:.1f} N at rest: sensor? tare, then re-arm")
 
     def _book(self, period: float, late: bool) -> None:
         """Where the last command led, and what it cost at worst."""
@@ -388,27 +385,14 @@ class Envelope:
     def _look(self, period: float) -> None:
         """Blocked, let go, shaken, wrongly tared."""
         limits = self.limits
-        speed = along = size = 0.0
-        for v, f in zip(self._v, self._force, strict=True):
-            speed += v * v
-            along += f * v
-            size += f * f
-        speed, size = sqrt(speed), sqrt(size)
-        against = -along / speed if speed > 1e-6 else 0.0
-        load = sqrt(sum(w * w for w in self._weight))
-        alone = False
-        if load > limits.held_n and len(self._missing) == self._missing.maxlen:
-            pulls = [sum(values) / len(self._missing) for values in zip(*self._missing, strict=True)]
-            missing = sqrt(sum(p * p for p in pulls))
-            self._held_before.append(missing)
-            self._gone_s = 0.0 if self._held_before[0] - missing > 0.5 * load else self._gone_s + period
-            alone = missing < limits.alone_n and (self._missing_s > 0.0 or self._gone_s < 4.0 * limits.sudden_s)
-        self._missing_s = self._missing_s + period if alone else 0.0
-        if self._missing_s > limits.alone_s:
+        speed, size = hypot(*self._v), hypot(*self._force)
+        if self._let_go.step(period):
             self._fault("let go: the hand carries the whole object")
-        self._blocked_s = self._blocked_s + period if against > limits.blocked_n else 0.0
-        if self._blocked_s > limits.blocked_s:
+        against = -sum(f * v for f, v in zip(self._force, self._v, strict=True)) / max(speed, 1e-6)
+        self._blocked_ns = self._blocked_ns + against * period if against > limits.blocked_n else 0.0
+        if self._blocked_ns > limits.blocked_n * limits.blocked_s:
             self._comply("blocked")
+            self._impact_s = limits.impact_s
         if speed < limits.moving_m_per_s:
             self._held = False
         self._held = self._held or size > limits.held_n
@@ -416,12 +400,10 @@ class Envelope:
         if self._alone_s > limits.let_go_s:
             self._comply("let go")
         signed = max(self._force, key=abs)
-        self._slow += (1.0 - exp(-2.0 * pi * period)) * (signed - self._slow)
-        self._shaken += min(period / 0.5, 1.0) * (abs(signed - self._slow) - self._shaken)
+        self._shaking.step(signed, period)
         if self._ticks < 5:  # before anybody can have moved; later the hand leans on the partner until F is 0 again
             self._ticks += 1
             self._at_first += (signed - self._at_first) / self._ticks
-        self._shake = 1.57 * self._shaken  # mean |sin| is amplitude / 1.57
         self._rest_s = self._rest_s + period if speed < 0.05 else 0.0
         self._felt += min(period, 1.0) * (signed - self._felt)
 

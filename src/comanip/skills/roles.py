@@ -137,6 +137,7 @@ class RolePolicy:
     probe_s: float = 0.6  # in so long a push moves something,
     progress_m: float = 0.004  # this much at least, or it is answered
     offers: int = 2  # at one place
+    insisted_m: float = 0.05  # who carries it on by so much after the robot gave way keeps the lead
     held_m_per_s: float = 0.01  # leading, but slower than this against a pull: he holds
     held_s: float = 0.6
     insist_n: float = 3.0  # resistance that is more than the other's inertia ...
@@ -226,6 +227,8 @@ class RoleSkill:
         self._state, self._moved = (LEADS if self._told_to_lead else FOLLOWS), False
         self._gives, self._answers = False, 0
         self._place: Array | None = None  # where an offer was begun, or answered
+        self._gave_way: Array | None = None  # where the robot left the lead to him
+        self._insisted = False
         self._rest_s = self._against_s = self._held_s = self._reached = self._push = 0.0
         self._outside = outside_taught(self.reference, self._position)
         self._complies_only = self._outside > self._laws[0].reach_m
@@ -300,16 +303,22 @@ class RoleSkill:
             self._bias += self._dt / BIAS_S * self._pull
         patience = policy.midway_patience_s if self._moved else policy.start_patience_s
         if self._place is not None and _length(x - self._place) <= policy.probe_m:
-            # he kept this place when asked: asked again, but later, and not for ever
-            patience = patience * 2.0**self._answers if self._answers < policy.offers else inf
+            patience = patience if self._answers < policy.offers else inf  # he kept this place when asked
         unfinished = float((self._end - x) @ self._way) > policy.finished_m
-        if self._rest_s >= patience and unfinished:
+        if self._rest_s >= patience and unfinished and not self._he_keeps_the_lead(x):
             if self._place is None or _length(x - self._place) > policy.probe_m:
                 self._answers = 0
             self._place = x.copy()
             self._reached = self._push = self._meant = self._held_s = 0.0
             self._gives = False
             self._begin(PROBES)
+
+    def _he_keeps_the_lead(self, x: Array) -> bool:
+        """After the robot gave way he carried it on, or back to where it began. (Part of the way back may be his soft arm's.)"""
+        if self._gave_way is not None:
+            on, from_start = float((x - self._gave_way) @ self._way), _length(x - self._start)
+            self._insisted = self._insisted or on > self.policy.insisted_m or from_start < self.policy.finished_m
+        return self._insisted
 
     def _probe(self, x: Array) -> None:
         """Pushes a little harder all the time, unless it is plain already that nothing gives."""
@@ -343,7 +352,7 @@ class RoleSkill:
         held = under_way and speed < policy.held_m_per_s and _length(self._pull) > policy.resting_n
         self._held_s = max(self._held_s + (self._dt if held else -self._dt), 0.0)
         if self._answered(pushed or along > policy.ahead_n, policy.insist_s) or self._held_s >= policy.held_s:
-            self._place = None
+            self._place, self._gave_way = None, x.copy()
             self._begin(FOLLOWS)
 
     def _answered(self, against: bool, after_s: float) -> bool:
