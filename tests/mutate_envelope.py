@@ -117,7 +117,7 @@ def noticed(source: str, folder: Path) -> bool:
     path = os.pathsep.join([str(folder), str(ROOT / "tests")])
     quick = ["-x", "-q", "-p", "no:cacheprovider", "-p", "unshrunk", "-k", "not living_partners and not C22"]
     command = [sys.executable, "-m", "pytest", *quick, *TESTS]
-    environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
+    environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1", "COMANIP_KERNELS": "numpy"}
     try:
         return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=120).returncode != 0
     except subprocess.TimeoutExpired:

@@ -4,16 +4,6 @@
  * A tick that is not plain (something missing, an array of another kind, a change of role) gives 0 and leaves all untouched.
  */
 
-#if defined(__clang__)
-#pragma clang fp contract(off)
-#else
-#pragma GCC push_options
-#pragma GCC optimize("fp-contract=off")
-#endif
-
-#define MOST_AXES 6
-#define PI 3.14159265358979323846
-
 typedef struct { /* CollaborativeLaw, in the order of its fields */
     double mass, moving_damping, resting_damping, moving_speed, dead_zone, anticipation, anticipation_s, attraction, start_delay,
         comfortable, yield_gain, slowest_clock, patience, reach, max_acceleration, shake_hz, shake_n, shake_damping, lead_s;
@@ -224,7 +214,3 @@ static int lead_on(Law *l, const double *x, const double *felt, double *const ou
     memcpy(l->reference, l->wanted, sizeof(double) * d);
     return 1;
 }
-
-#if !defined(__clang__)
-#pragma GCC pop_options
-#endif

@@ -736,9 +736,24 @@ static PyObject *lines_mean(PyObject *object, PyObject *const *args, Py_ssize_t 
     return PyBool_FromLong(done);
 }
 
-/* ----------------------------------------------------------------------------------------------------------- laws */
+/* ---------------------------------------------------------------------------------------------- laws and envelope */
 
+#define MOST_AXES 6
+#define PI 3.14159265358979323846
+
+/* The same bits as in Python: nothing may be contracted. */
+#if defined(__clang__)
+#pragma clang fp contract(off)
+#else
+#pragma GCC push_options
+#pragma GCC optimize("fp-contract=off")
+#endif
 #include "_law.h"
+#include "_checker.h"
+#include "_envelope.h"
+#if !defined(__clang__)
+#pragma GCC pop_options
+#endif
 
 /* An array that comes again at every tick, taken once. Its exporter must be the array itself, as numpy's is, or another object might
  * one day sit at the same address. */
@@ -851,6 +866,75 @@ LAW_METHOD(follow, follow(l, x, force, out, 1))
 LAW_METHOD(lead, lead(l, x, force, force, out))
 LAW_METHOD(lead_on, lead_on(l, x, force, out))
 
+enum { FELT = 0, WISH = 4, SENT = WISH + 3, ENVELOPE_SLOTS = SENT + 3 }; /* FELT: position, force, velocity, sensor_force */
+
+typedef struct {
+    PyObject_HEAD
+    Envelope envelope;
+    Arrays arrays;
+    Array slots[ENVELOPE_SLOTS];
+} Envelopes;
+
+static PyObject *envelope_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
+    PyObject *limits, *rules, *walls, *memory, *tank;
+    int d, most_pulls, most_before;
+    (void)keywords;
+    if (!PyArg_ParseTuple(args, "OOOOOiii", &limits, &rules, &walls, &memory, &tank, &d, &most_pulls, &most_before)) return NULL;
+    if (d < 1 || d > MOST_AXES || most_pulls < 1 || most_before < 1) return PyErr_Format(PyExc_ValueError, "1 to %d axes", MOST_AXES);
+    Envelopes *self = (Envelopes *)PyType_GenericAlloc(type, 0);
+    if (!self) return NULL;
+    Envelope *e = &self->envelope;
+    *e = (Envelope){.d = d, .most_pulls = most_pulls, .most_before = most_before};
+#define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
+    const double *numbers = TAKE(limits, 0, sizeof(Limits) / 8), *checked = TAKE(rules, 0, 3 + 2 * d), *bounds = TAKE(walls, 0, 2 * d);
+    e->now = TAKE(memory, 1, sizeof(Ledger) / 8 + (most_pulls + most_before) * d);
+    e->tank = TAKE(tank, 1, d);
+#undef TAKE
+    if (PyErr_Occurred()) {
+        Py_DecRef((PyObject *)self);
+        return NULL;
+    }
+    memcpy(&e->limits, numbers, sizeof(Limits));
+    e->rules.v_max = checked[0], e->rules.a_max = checked[1], e->rules.dt = checked[2];
+    for (int i = 0; i < d; i++) {
+        e->low[i] = bounds[2 * i], e->high[i] = bounds[2 * i + 1];
+        e->rules.low[i] = checked[3 + 2 * i], e->rules.high[i] = checked[4 + 2 * i];
+    }
+    e->pulls = (double *)(e->now + 1);
+    e->before = e->pulls + most_pulls * d;
+    return (PyObject *)self;
+}
+
+static void envelope_dealloc(PyObject *object) {
+    Envelopes *self = (Envelopes *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    for (int i = 0; i < ENVELOPE_SLOTS; i++) PyBuffer_Release(&self->slots[i].view);
+    release(&self->arrays);
+    freefunc release_object = (freefunc)PyType_GetSlot(type, Py_tp_free);
+    release_object(object);
+    Py_DecRef((PyObject *)type);
+}
+
+/* (time, position, force, velocity, sensor_force) */
+static PyObject *envelope_sense(PyObject *object, PyObject *const *args, Py_ssize_t n) {
+    Envelopes *self = (Envelopes *)object;
+    const double *felt[4];
+    if (n != 5 || !PyFloat_Check(args[0])) Py_RETURN_FALSE;
+    for (int i = 0; i < 4; i++)
+        if (!(felt[i] = kept(&self->slots[FELT + i], args[1 + i], self->envelope.d, 0))) Py_RETURN_FALSE;
+    return PyBool_FromLong(sense(&self->envelope, PyFloat_AsDouble(args[0]), felt[0], felt[1], felt[2], felt[3]));
+}
+
+/* position, velocity, acceleration of the skill's command and of that to be sent */
+static PyObject *envelope_act(PyObject *object, PyObject *const *args, Py_ssize_t n) {
+    Envelopes *self = (Envelopes *)object;
+    double *arrays[6];
+    if (n != 6) Py_RETURN_FALSE;
+    for (int i = 0; i < 6; i++)
+        if (!(arrays[i] = kept(&self->slots[WISH + i], args[i], self->envelope.d, i >= 3))) Py_RETURN_FALSE;
+    return PyBool_FromLong(act(&self->envelope, (const double *const *)arrays, arrays + 3));
+}
+
 /* --------------------------------------------------------------------------------------------------------- module */
 
 static PyObject *levels(PyObject *self, PyObject *none) {
@@ -927,10 +1011,20 @@ static PyMethodDef law_methods[] = {
 static PyType_Slot law_slots[] = {{Py_tp_new, law_new}, {Py_tp_dealloc, law_dealloc}, {Py_tp_methods, law_methods}, {0, NULL}};
 static PyType_Spec law_spec = {"comanip.kernels._native.Law", sizeof(Laws), 0, Py_TPFLAGS_DEFAULT, law_slots};
 
+static PyMethodDef envelope_methods[] = {
+    {"sense", (PyCFunction)(void (*)(void))envelope_sense, METH_FASTCALL, "Before the skill; False, with nothing changed, when not ordinary."},
+    {"act", (PyCFunction)(void (*)(void))envelope_act, METH_FASTCALL, "After the skill; False, with nothing changed, when not ordinary."},
+    {NULL, NULL, 0, NULL},
+};
+static PyType_Slot envelope_slots[] = {
+    {Py_tp_new, envelope_new}, {Py_tp_dealloc, envelope_dealloc}, {Py_tp_methods, envelope_methods}, {0, NULL},
+};
+static PyType_Spec envelope_spec = {"comanip.kernels._native.Envelope", sizeof(Envelopes), 0, Py_TPFLAGS_DEFAULT, envelope_slots};
+
 static int start(PyObject *module) {
     for (int i = N_LEVELS - 1; i >= 0; i--)
         if (runs_here(LEVELS[i])) active = LEVELS[i];
-    PyType_Spec *const specs[] = {&filter_spec, &lines_spec, &law_spec};
+    PyType_Spec *const specs[] = {&filter_spec, &lines_spec, &law_spec, &envelope_spec};
     for (size_t i = 0; i < sizeof specs / sizeof *specs; i++) {
         PyObject *type = PyType_FromSpec(specs[i]);
         if (!type || PyModule_AddType(module, (PyTypeObject *)type) < 0) {
