@@ -8,10 +8,13 @@ from __future__ import annotations
 import gc
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
+from comanip import kernels
 from comanip.demonstration import demonstrations
 from comanip.interfaces import Command, Observation, Skill
 from comanip.learned import learn
@@ -19,7 +22,27 @@ from comanip.reproduction import make_skill
 from comanip.teaching import teach
 
 DT = 0.01
-EDGES = np.concatenate([np.arange(0.0, 100.0, 5.0), [100.0, 200.0, 500.0, 1000.0, 10_000.0, np.inf]])  # [µs]
+EDGES = np.concatenate(
+    [np.arange(0.0, 10.0), np.arange(10.0, 100.0, 10.0), [100.0, 200.0, 500.0, 1000.0, 10_000.0, np.inf]]
+)  # [µs]
+
+
+CASES = (
+    ("skill alone", False, True),
+    ("skill and envelope", True, True),
+    ("skill alone, numpy twin", False, False),
+    ("skill and envelope, numpy twin", True, False),
+)
+
+
+@contextmanager
+def only_numpy(wanted: bool) -> Iterator[None]:
+    """What is made here is made of the readable twins, when they are wanted."""
+    native, kernels.native = kernels.native, None if wanted else kernels.native
+    try:
+        yield
+    finally:
+        kernels.native = native
 
 
 def course(role: str, learned: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -63,9 +86,10 @@ def measure(n: int = 1_000_000) -> dict[str, np.ndarray]:
     for role in ("follower", "leader"):
         learned = learn(demonstrations(teach(role, 5, rng=np.random.default_rng(0)), rate_hz=100.0), role=role)
         positions, forces = course(role, learned)
-        for name, envelope in (("skill alone", False), ("skill and envelope", True)):
-            skill = make_skill(learned, axes=learned.axes, dt=DT, role=role, envelope=envelope)
-            took = 1e6 * ticks(skill, positions, forces, n if envelope else max(n // 10, 1), noise=noise)
+        for name, envelope, native in CASES:
+            with only_numpy(not native):
+                skill = make_skill(learned, axes=learned.axes, dt=DT, role=role, envelope=envelope)
+            took = 1e6 * ticks(skill, positions, forces, n if envelope and native else max(n // 20, 1), noise=noise)
             if getattr(skill, "mode", "RUN") == "HOLD":
                 raise AssertionError(f"{role}: the envelope held: {getattr(skill, 'reason', '')}; that is no tick to measure")
             found[f"{role}, {name}"] = took
@@ -90,8 +114,10 @@ def draw(found: dict[str, np.ndarray], path: str) -> None:
 
     figure, axes = plt.subplots(figsize=(7, 4))
     bins = np.geomspace(1.0, max(float(t.max()) for t in found.values()), 120)
-    for (name, took), style in zip(found.items(), ("-", "--", "-.", ":"), strict=True):
-        axes.hist(took, bins, histtype="step", label=name, linestyle=style, color="black" if "alone" in name else "tab:red")
+    for name, took in found.items():
+        style, color = "-" if "follower" in name else ":", "tab:red" if "twin" in name else "black"
+        if "envelope" in name:
+            axes.hist(took, bins, histtype="step", label=name, linestyle=style, color=color)
     axes.set(xscale="log", yscale="log", xlabel="one tick [µs]", ylabel="ticks")
     axes.legend()
     figure.tight_layout()
@@ -103,6 +129,9 @@ if __name__ == "__main__":
     for name, took in results.items():
         p50, p99, p999 = np.percentile(took, (50.0, 99.0, 99.9))
         print(f"{name}: median {p50:.2f}, 99 % {p99:.2f}, 99.9 % {p999:.2f}, longest {took.max():.0f} µs of {len(took)} ticks")
+        twin = results.get(f"{name}, numpy twin")
+        if twin is not None:
+            print(f"    the numpy twin takes {np.median(twin) / p50:.1f} times as long")
         print(histogram(took))
     if len(sys.argv) > 2:
         draw(results, sys.argv[2])

@@ -112,10 +112,12 @@ def rollouts(start: np.ndarray, force: np.ndarray, source: np.ndarray, initial: 
 
     `source` (D,) says which of (position, force, velocity) each channel of the densities is; gains (K, d, d + f), offsets (K, d).
     """
-    n, d = start.shape
+    (n, d), (k, _, n_in) = start.shape, gains.shape
+    matrix = np.zeros((k, (k + d * (1 + n_in) + 1) // 2 * 2))  # all that the weights are multiplied by
+    matrix[:, :k] = chain
+    matrix[:, k : k + d * (1 + n_in)] = np.dstack([offsets[:, :, None], gains]).reshape(k, -1)
     position, velocity = np.empty((n, force.shape[-2], d)), np.empty((n, force.shape[-2], d))
-    lines = gains.transpose(1, 2, 0), offsets.T
-    given = _in_order(start, force, source, initial, chain, *white, *lines)
+    given = _in_order(start, force, source, initial, *white, matrix)
     native.rollouts(d, force.shape[-1], n, force.shape[-2], *given, gate, dt, position, velocity, n_threads)
     return position, velocity
 

@@ -662,9 +662,9 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
     vec *now = (vec *)space;               /* [position, force, velocity][TILES] */
     vec *x = now + TILES * channels;       /* [D + 1][TILES] */
     vec *b = x + TILES * (D + 1);          /* [Ke][TILES] */
-    vec *h = b + TILES * Ke;               /* [Ke][TILES], and the prediction */
-    vec *next = h + TILES * Ke;            /* [Ke][TILES] */
-    vec *forces = next + TILES * Ke;       /* [RUN][f][TILES] */
+    vec *h = b;                            /* the weights take the place of the densities */
+    vec *next = b + TILES * Ke;            /* [columns][TILES]: the prediction, then lines */
+    vec *forces = next + TILES * job->columns;     /* [RUN][f][TILES] */
     vec *positions = forces + RUN * f * TILES;     /* [RUN][d][TILES] */
     vec *velocities = positions + RUN * d * TILES; /* [RUN][d][TILES] */
     int64_t who[TILES * W];
@@ -673,8 +673,8 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
         for (int a = 0; a < d; a++) ((double *)now)[a * BLOCK + i] = job->start[who[i] * d + a];
         for (int a = 0; a < d; a++) ((double *)now)[(n_in + a) * BLOCK + i] = 0.0;
     }
-    for (int k = 0; k < Ke; k++)
-        for (int i = 0; i < TILES; i++) next[k * TILES + i] = NAME(all)(k < K ? m->initial[k] : 0.0);
+    for (int k = 0; k < K; k++)
+        for (int i = 0; i < TILES; i++) next[k * TILES + i] = NAME(all)(m->initial[k]);
     for (int64_t t = 0; t < T; t++) { /* paths leave every RUN steps: to touch 192 rows at each would cost more than all arithmetic */
         const int run = (int)(t % RUN);
         if (run == 0)
@@ -701,19 +701,14 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
         for (int i = 0; i < TILES; i++) s[i] = 1.0 / NAME(larger)(s[i], NAME(all)(1e-300));
         for (int k = 0; k < K; k++)
             for (int i = 0; i < TILES; i++) h[k * TILES + i] *= s[i];
-        const double *gain = job->gains, *offset = job->offsets; /* gains [d][n_in][K], offsets [d][K] */
-        for (int o = 0; o < d; o++, offset += K) {
-            vec y[TILES] = {{0}};
-            for (int k = 0; k < K; k++)
-                for (int i = 0; i < TILES; i++) y[i] += offset[k] * h[k * TILES + i];
-            for (int c = 0; c < n_in; c++, gain += K) { /* the states' gains, blended, and then times the input */
-                vec slope[TILES] = {{0}};
-                for (int k = 0; k < K; k++)
-                    for (int i = 0; i < TILES; i++) slope[i] += gain[k] * h[k * TILES + i];
-                for (int i = 0; i < TILES; i++) y[i] += slope[i] * now[c * TILES + i];
+        for (int i = 0; i < TILES; i++) NAME(product)(next + i, TILES, h + i, job->matrix, K, job->columns);
+        const vec *slope = next + K * TILES; /* [d][1 + n_in][TILES]: the states' lines, blended, and then at the input */
+        for (int o = 0; o < d; o++, slope += (1 + n_in) * TILES)
+            for (int i = 0; i < TILES; i++) {
+                vec y = slope[i];
+                for (int c = 0; c < n_in; c++) y += slope[(1 + c) * TILES + i] * now[c * TILES + i];
+                now[(n_in + o) * TILES + i] = y;
             }
-            for (int i = 0; i < TILES; i++) now[(n_in + o) * TILES + i] = y[i];
-        }
         memcpy(positions + run * d * TILES, now, sizeof(vec) * d * TILES);
         memcpy(velocities + run * d * TILES, now + n_in * TILES, sizeof(vec) * d * TILES);
         if (run == RUN - 1 || t == T - 1)
@@ -724,12 +719,6 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
             }
         for (int o = 0; o < d; o++)
             for (int i = 0; i < TILES; i++) now[o * TILES + i] += job->dt * now[(n_in + o) * TILES + i];
-        for (int j = 0; j < K; j++) {
-            vec p[TILES] = {{0}};
-            for (int k = 0; k < K; k++)
-                for (int i = 0; i < TILES; i++) p[i] += m->forward[k * Ke + j] * h[k * TILES + i];
-            for (int i = 0; i < TILES; i++) next[j * TILES + i] = p[i];
-        }
     }
 }
 

@@ -1,4 +1,4 @@
-/* The loops that cost time, compiled: E-step, decoding, one on-line tick, roll-outs. Arrays in, arrays out.
+/* The loops that cost time, compiled: E-step, decoding, one on-line tick of filter and law, roll-outs. Arrays in, arrays out.
  *
  * The mathematics is that of the readable twins in comanip.models, and a test holds the two together. Here is only what makes it
  * fast: several sequences ride in the lanes of one vector, a group of them stays in the L2 cache from the forward pass to the sums,
@@ -73,7 +73,9 @@ typedef struct {
     const Model *model;
     int n_axes, n_forces;
     int64_t n, length, force_step; /* force_step: T when every roll-out has its own forces, else 0 */
-    const double *start, *force, *gains, *offsets;
+    const double *start, *force;
+    const double *matrix;          /* (K, columns) the chain, and each axis' line: offset, gains; `columns` is even */
+    int columns;
     const int64_t *source;         /* (D) which of (position, force, velocity) each channel of the evidence is */
     double gate, dt, *position, *velocity;
 } Rollouts;
@@ -512,13 +514,13 @@ done:
 }
 
 static PyObject *rollouts(PyObject *self, PyObject *args) {
-    PyObject *start, *force, *source, *initial, *transition, *origin, *factors, *centres, *peak, *gains, *offsets, *position, *velocity;
+    PyObject *start, *force, *source, *initial, *origin, *factors, *centres, *peak, *matrix, *position, *velocity;
     double gate, dt;
     int n_threads;
     Py_ssize_t d, f, n, T;
     (void)self;
-    if (!PyArg_ParseTuple(args, "nnnnOOOOOOOOOOOddOOi", &d, &f, &n, &T, &start, &force, &source, &initial, &transition, &origin,
-                          &factors, &centres, &peak, &gains, &offsets, &gate, &dt, &position, &velocity, &n_threads))
+    if (!PyArg_ParseTuple(args, "nnnnOOOOOOOOOddOOi", &d, &f, &n, &T, &start, &force, &source, &initial, &origin,
+                          &factors, &centres, &peak, &matrix, &gate, &dt, &position, &velocity, &n_threads))
         return NULL;
     const Py_ssize_t D = count_of(origin), K = count_of(peak), n_force = count_of(force);
     if (PyErr_Occurred()) return NULL;
@@ -532,10 +534,10 @@ static PyObject *rollouts(PyObject *self, PyObject *args) {
     job.start = NUMBERS(start, n * d);
     job.force = NUMBERS(force, n_force);
     job.source = NUMBERS(source, D);
-    const double *pi = NUMBERS(initial, K), *a = NUMBERS(transition, K * K), *o = NUMBERS(origin, D), *fa = NUMBERS(factors, K * D * D);
+    const double *pi = NUMBERS(initial, K), *o = NUMBERS(origin, D), *fa = NUMBERS(factors, K * D * D);
     const double *c = NUMBERS(centres, K * D), *p = NUMBERS(peak, K);
-    job.gains = NUMBERS(gains, d * (d + f) * K);
-    job.offsets = NUMBERS(offsets, d * K);
+    job.columns = (int)(K + d * (1 + d + f) + 1) / 2 * 2;
+    job.matrix = NUMBERS(matrix, K * job.columns);
     job.position = RESULT(position, n * T * d);
     job.velocity = RESULT(velocity, n * T * d);
     double *block = NULL;
@@ -545,11 +547,11 @@ static PyObject *rollouts(PyObject *self, PyObject *args) {
             PyErr_SetString(PyExc_ValueError, "a channel of the evidence has no source");
             goto done;
         }
-    block = lay_out(&model, (int)D, (int)K, o, fa, c, p, pi, a);
+    block = lay_out(&model, (int)D, (int)K, o, fa, c, p, pi, NULL);
     const Level *level = active;
     Work w = {.rollouts = &job, .level = level, .n_groups = (int)((n + TILES * level->lanes - 1) / (TILES * level->lanes))};
     w.n_slots = w.n_groups;
-    w.space_size = block ? common_space(&model, level->lanes) + (size_t)level->lanes * TILES * (RUN + 1) * (2 * d + f) : 0;
+    w.space_size = block ? common_space(&model, level->lanes) + (size_t)level->lanes * TILES * ((RUN + 1) * (2 * d + f) + job.columns) : 0;
     if (!block || run(&w, n_threads) < 0) {
         PyErr_NoMemory();
         goto done;
@@ -734,6 +736,205 @@ static PyObject *lines_mean(PyObject *object, PyObject *const *args, Py_ssize_t 
     return PyBool_FromLong(done);
 }
 
+/* ---------------------------------------------------------------------------------------------- laws and envelope */
+
+#define MOST_AXES 6
+#define PI 3.14159265358979323846
+
+/* The same bits as in Python: nothing may be contracted. */
+#if defined(__clang__)
+#pragma clang fp contract(off)
+#else
+#pragma GCC push_options
+#pragma GCC optimize("fp-contract=off")
+#endif
+#include "_law.h"
+#include "_checker.h"
+#include "_envelope.h"
+#if !defined(__clang__)
+#pragma GCC pop_options
+#endif
+
+/* An array that comes again at every tick, taken once. Its exporter must be the array itself, as numpy's is, or another object might
+ * one day sit at the same address. */
+static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
+    Py_buffer *view = &slot->view;
+    if (view->obj == object) return view->buf;
+    PyBuffer_Release(view);
+    if (!vector(slot, object, n, writable)) {
+        view->obj = NULL;
+        return NULL;
+    }
+    if (view->obj == object) return view->buf;
+    PyBuffer_Release(view);
+    return NULL;
+}
+
+enum { POSITION, FORCE, COMMAND, LAW_SLOTS = COMMAND + 3 };
+
+typedef struct {
+    PyObject_HEAD
+    Law law;
+    Arrays arrays;
+    PyObject *filter;
+    Array slots[LAW_SLOTS];
+} Laws;
+
+static PyTypeObject *filter_type;
+
+static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
+    PyObject *filter, *numbers, *insistence, *path, *velocity, *force, *compliance, *pace_memory, *memory, *until, *seen;
+    double dt, model_dt, step_s, top_speed, pull_s;
+    int d;
+    (void)keywords;
+    if (!PyArg_ParseTuple(args, "O!OOOOOOOOOOiddddd", filter_type, &filter, &numbers, &insistence, &path, &velocity, &force,
+                          &compliance, &pace_memory, &memory, &until, &seen, &d, &dt, &model_dt, &step_s, &top_speed, &pull_s))
+        return NULL;
+    const int D = ((Filter *)filter)->tick.D;
+    const Py_ssize_t rows = d > 0 ? count_of(path) / d : 0;
+    if (PyErr_Occurred()) return NULL;
+    if (d < 1 || d > MOST_AXES || rows < 2 || (D != d && D != 2 * d))
+        return PyErr_Format(PyExc_ValueError, "a law has 1 to %d axes, a path, and a filter of position or position and force", MOST_AXES);
+    Laws *self = (Laws *)PyType_GenericAlloc(type, 0);
+    if (!self) return NULL;
+    Law *l = &self->law;
+    *l = (Law){.d = d, .rows = (int)rows, .dt = dt, .model_dt = model_dt, .step_s = step_s, .top_speed = top_speed};
+#define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
+    const double *given = TAKE(numbers, 0, sizeof(Numbers) / 8), *insists = TAKE(insistence, 0, sizeof(Insistence) / 8);
+    l->path = TAKE(path, 0, rows * d);
+    l->velocity_table = TAKE(velocity, 0, rows * d);
+    l->force_table = TAKE(force, 0, rows * d);
+    double *of_compliance = TAKE(compliance, 1, 2 * d + 2), *of_pace = TAKE(pace_memory, 1, 3 * d + 3);
+    double *of_skill = TAKE(memory, 1, 7 * d + 2);
+    l->until = TAKE(until, 1, 1);
+    l->seen = TAKE(seen, 1, D);
+#undef TAKE
+    if (PyErr_Occurred()) {
+        Py_DecRef((PyObject *)self);
+        return NULL;
+    }
+    memcpy(&l->law, given, sizeof(Numbers));
+    memcpy(&l->insists, insists, sizeof(Insistence));
+    l->duration_s = step_s * (double)(rows - 1);
+    l->keep_slow = 1.0 - exp(-2.0 * PI * l->law.shake_hz * dt);
+    l->keep_shake = least(dt / 0.3, 1.0);
+    l->pull_share = least(dt / pull_s, 1.0);
+    l->compliance = of_compliance, l->slow = of_compliance + d, l->shake = of_compliance + 2 * d, l->went_on = l->shake + 1;
+    double **const paces[] = {&l->expected, &l->wanted, &l->hold, &l->clock};
+    double **const skills[] = {
+        &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->shown_clock,
+    };
+    for (int i = 0; i < 4; i++) *paces[i] = of_pace + i * d;
+    for (int i = 0; i < 8; i++) *skills[i] = of_skill + i * d;
+    self->filter = Py_NewRef(filter);
+    l->filter = &((Filter *)filter)->tick;
+    l->level = ((Filter *)filter)->level;
+    return (PyObject *)self;
+}
+
+static void law_dealloc(PyObject *object) {
+    Laws *self = (Laws *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    for (int i = 0; i < LAW_SLOTS; i++) PyBuffer_Release(&self->slots[i].view);
+    release(&self->arrays);
+    Py_XDECREF(self->filter);
+    freefunc release_object = (freefunc)PyType_GetSlot(type, Py_tp_free);
+    release_object(object);
+    Py_DecRef((PyObject *)type);
+}
+
+/* (position, force, and the command's position, velocity, acceleration) of one tick; 0 when it is for the twin. */
+static int law_takes(Laws *self, PyObject *const *args, Py_ssize_t n, const double **x, const double **force, double *out[3]) {
+    const int d = self->law.d;
+    if (n != 5) return 0;
+    *x = kept(&self->slots[POSITION], args[0], d, 0);
+    *force = kept(&self->slots[FORCE], args[1], d, 0);
+    for (int i = 0; i < 3; i++)
+        if (!(out[i] = kept(&self->slots[COMMAND + i], args[2 + i], d, 1))) return 0;
+    return *x && *force && all_finite(*x, d) && all_finite(*force, d);
+}
+
+#define LAW_METHOD(name, call)                                                          \
+    static PyObject *law_##name(PyObject *object, PyObject *const *args, Py_ssize_t n) { \
+        Law *l = &((Laws *)object)->law;                                                \
+        const double *x, *force;                                                        \
+        double *out[3];                                                                 \
+        return PyBool_FromLong(law_takes((Laws *)object, args, n, &x, &force, out) && call); \
+    }
+LAW_METHOD(comply, follow(l, x, force, out, 0))
+LAW_METHOD(follow, follow(l, x, force, out, 1))
+LAW_METHOD(lead, lead(l, x, force, force, out))
+LAW_METHOD(lead_on, lead_on(l, x, force, out))
+
+enum { FELT = 0, WISH = 4, SENT = WISH + 3, ENVELOPE_SLOTS = SENT + 3 }; /* FELT: position, force, velocity, sensor_force */
+
+typedef struct {
+    PyObject_HEAD
+    Envelope envelope;
+    Arrays arrays;
+    Array slots[ENVELOPE_SLOTS];
+} Envelopes;
+
+static PyObject *envelope_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
+    PyObject *limits, *rules, *walls, *memory, *tank;
+    int d, most_pulls, most_before;
+    (void)keywords;
+    if (!PyArg_ParseTuple(args, "OOOOOiii", &limits, &rules, &walls, &memory, &tank, &d, &most_pulls, &most_before)) return NULL;
+    if (d < 1 || d > MOST_AXES || most_pulls < 1 || most_before < 1) return PyErr_Format(PyExc_ValueError, "1 to %d axes", MOST_AXES);
+    Envelopes *self = (Envelopes *)PyType_GenericAlloc(type, 0);
+    if (!self) return NULL;
+    Envelope *e = &self->envelope;
+    *e = (Envelope){.d = d, .most_pulls = most_pulls, .most_before = most_before};
+#define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
+    const double *numbers = TAKE(limits, 0, sizeof(Limits) / 8), *checked = TAKE(rules, 0, 3 + 2 * d), *bounds = TAKE(walls, 0, 2 * d);
+    e->now = TAKE(memory, 1, sizeof(Ledger) / 8 + (most_pulls + most_before) * d);
+    e->tank = TAKE(tank, 1, d);
+#undef TAKE
+    if (PyErr_Occurred()) {
+        Py_DecRef((PyObject *)self);
+        return NULL;
+    }
+    memcpy(&e->limits, numbers, sizeof(Limits));
+    e->rules.v_max = checked[0], e->rules.a_max = checked[1], e->rules.dt = checked[2];
+    for (int i = 0; i < d; i++) {
+        e->low[i] = bounds[2 * i], e->high[i] = bounds[2 * i + 1];
+        e->rules.low[i] = checked[3 + 2 * i], e->rules.high[i] = checked[4 + 2 * i];
+    }
+    e->pulls = (double *)(e->now + 1);
+    e->before = e->pulls + most_pulls * d;
+    return (PyObject *)self;
+}
+
+static void envelope_dealloc(PyObject *object) {
+    Envelopes *self = (Envelopes *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    for (int i = 0; i < ENVELOPE_SLOTS; i++) PyBuffer_Release(&self->slots[i].view);
+    release(&self->arrays);
+    freefunc release_object = (freefunc)PyType_GetSlot(type, Py_tp_free);
+    release_object(object);
+    Py_DecRef((PyObject *)type);
+}
+
+/* (time, position, force, velocity, sensor_force) */
+static PyObject *envelope_sense(PyObject *object, PyObject *const *args, Py_ssize_t n) {
+    Envelopes *self = (Envelopes *)object;
+    const double *felt[4];
+    if (n != 5 || !PyFloat_Check(args[0])) Py_RETURN_FALSE;
+    for (int i = 0; i < 4; i++)
+        if (!(felt[i] = kept(&self->slots[FELT + i], args[1 + i], self->envelope.d, 0))) Py_RETURN_FALSE;
+    return PyBool_FromLong(sense(&self->envelope, PyFloat_AsDouble(args[0]), felt[0], felt[1], felt[2], felt[3]));
+}
+
+/* position, velocity, acceleration of the skill's command and of that to be sent */
+static PyObject *envelope_act(PyObject *object, PyObject *const *args, Py_ssize_t n) {
+    Envelopes *self = (Envelopes *)object;
+    double *arrays[6];
+    if (n != 6) Py_RETURN_FALSE;
+    for (int i = 0; i < 6; i++)
+        if (!(arrays[i] = kept(&self->slots[WISH + i], args[i], self->envelope.d, i >= 3))) Py_RETURN_FALSE;
+    return PyBool_FromLong(act(&self->envelope, (const double *const *)arrays, arrays + 3));
+}
+
 /* --------------------------------------------------------------------------------------------------------- module */
 
 static PyObject *levels(PyObject *self, PyObject *none) {
@@ -799,15 +1000,41 @@ static PyType_Slot lines_slots[] = {
 };
 static PyType_Spec lines_spec = {"comanip.kernels._native.Lines", sizeof(Lines), 0, Py_TPFLAGS_DEFAULT, lines_slots};
 
+#define LAW_ENTRY(name, says) {#name, (PyCFunction)(void (*)(void))law_##name, METH_FASTCALL, says " False, with nothing changed, when the twin has to."}
+static PyMethodDef law_methods[] = {
+    LAW_ENTRY(comply, "One tick of compliance alone."),
+    LAW_ENTRY(follow, "One tick of a follower."),
+    LAW_ENTRY(lead, "One tick of a leader."),
+    LAW_ENTRY(lead_on, "One tick of a leader who may give way."),
+    {NULL, NULL, 0, NULL},
+};
+static PyType_Slot law_slots[] = {{Py_tp_new, law_new}, {Py_tp_dealloc, law_dealloc}, {Py_tp_methods, law_methods}, {0, NULL}};
+static PyType_Spec law_spec = {"comanip.kernels._native.Law", sizeof(Laws), 0, Py_TPFLAGS_DEFAULT, law_slots};
+
+static PyMethodDef envelope_methods[] = {
+    {"sense", (PyCFunction)(void (*)(void))envelope_sense, METH_FASTCALL, "Before the skill; False, with nothing changed, when not ordinary."},
+    {"act", (PyCFunction)(void (*)(void))envelope_act, METH_FASTCALL, "After the skill; False, with nothing changed, when not ordinary."},
+    {NULL, NULL, 0, NULL},
+};
+static PyType_Slot envelope_slots[] = {
+    {Py_tp_new, envelope_new}, {Py_tp_dealloc, envelope_dealloc}, {Py_tp_methods, envelope_methods}, {0, NULL},
+};
+static PyType_Spec envelope_spec = {"comanip.kernels._native.Envelope", sizeof(Envelopes), 0, Py_TPFLAGS_DEFAULT, envelope_slots};
+
 static int start(PyObject *module) {
     for (int i = N_LEVELS - 1; i >= 0; i--)
         if (runs_here(LEVELS[i])) active = LEVELS[i];
-    PyObject *filter = PyType_FromSpec(&filter_spec), *lines_type = PyType_FromSpec(&lines_spec);
-    const int wrong = !filter || !lines_type || PyModule_AddType(module, (PyTypeObject *)filter) < 0 ||
-                      PyModule_AddType(module, (PyTypeObject *)lines_type) < 0;
-    Py_XDECREF(filter);
-    Py_XDECREF(lines_type);
-    return wrong ? -1 : 0;
+    PyType_Spec *const specs[] = {&filter_spec, &lines_spec, &law_spec, &envelope_spec};
+    for (size_t i = 0; i < sizeof specs / sizeof *specs; i++) {
+        PyObject *type = PyType_FromSpec(specs[i]);
+        if (!type || PyModule_AddType(module, (PyTypeObject *)type) < 0) {
+            Py_XDECREF(type);
+            return -1;
+        }
+        if (specs[i] == &filter_spec) filter_type = (PyTypeObject *)type; /* and its reference */
+        else Py_DecRef(type);
+    }
+    return 0;
 }
 
 static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, start}, {0, NULL}};

@@ -71,11 +71,12 @@ class ForwardFilter:
         self._z_by_state = self._z.reshape(k, d)
         self._weights, self._predicted = np.empty(k), np.empty(k)
         self._state = np.zeros(5)  # what else a tick remembers, in one array that the compiled tick shares
-        self._tick = None
+        self.compiled = None  # the same tick in C, for this step and for a compiled law
         if kernels.native is not None and d <= 256:
-            self._tick = kernels.native.Filter(
+            self.compiled = kernels.native.Filter(
                 *self._all.arrays, self._initial, self._chain, self._weights, self._state, self.gate, self.patience
-            ).step
+            )
+        self._tick = self.compiled and self.compiled.step
         self.reset()
 
     @property

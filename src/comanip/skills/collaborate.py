@@ -16,14 +16,14 @@ feedback through the partner; see docs/laws.md. At rest the damping rises and a 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import astuple, dataclass, replace
 from math import copysign, exp, isfinite, pi, sqrt
-from operator import mul
 from typing import Any
 
 import numpy as np
 
+from .. import kernels
 from ..errors import MismatchError, ParameterError
 from ..interfaces import Array, Command, Observation
 from ..models.filtering import ForwardFilter
@@ -76,25 +76,25 @@ class CollaborativeLaw:
 class Compliance:
     """The mass-damper c of the law, in d axes; `velocity` (d,) [m/s] is rewritten by `step`.
 
-    Here and below a tick is written in plain floats: on one to three axes numpy's calls cost five times the arithmetic.
+    Here and below a tick is written in plain floats: on one to three axes numpy's calls cost five times the arithmetic. What is
+    remembered lies in `memory`, which kernels/_law.h shares: there the same tick is written once more, for speed.
     """
 
     def __init__(self, n_axes: int, dt: float) -> None:
         self._dt = dt
-        self.velocity = np.zeros(n_axes)
-        self.reset()
+        self.memory = np.zeros(2 * n_axes + 2)
+        self.velocity, self._slow = self.memory[:-2].reshape(2, n_axes)
+        self._shaking = self.memory[-2:]  # its mean size, and how long it has gone on
 
     def reset(self) -> None:
-        self.velocity[:] = 0.0
-        self._slow = [0.0] * len(self.velocity)
-        self._shake = self._went_on = 0.0
+        self.memory[:] = 0.0
 
     def step(self, law: CollaborativeLaw, excess: Array, reference: Array, feedforward: Array) -> None:
         """Damping is implicit, so any value is stable by itself at any dt."""
         c, off = self.velocity.tolist(), excess.tolist()
         speed = max(_largest(c), _largest(reference.tolist()))
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
-        damping = law.moving_damping_ns_per_m + rest**2 * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
+        damping = law.moving_damping_ns_per_m + rest * rest * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
         damping += self._against_shaking(law, off)
         dead = law.dead_zone_n * rest
         share = self._dt / law.virtual_mass_kg
@@ -109,12 +109,14 @@ class Compliance:
         stable if B + D > tau K. So a stiff partner needs D, and only he does.
         """
         keep = 1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)
-        self._slow = [slow + keep * (f - slow) for f, slow in zip(excess, self._slow, strict=True)]
-        fast = _largest([f - slow for f, slow in zip(excess, self._slow, strict=True)])
-        self._shake += min(self._dt / 0.3, 1.0) * (fast - self._shake)
-        amplitude = max(1.57 * self._shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
-        self._went_on += self._dt * (law.shake_growth_per_s * amplitude - self._went_on / law.shake_memory_s)
-        return law.shake_damping_ns_per_m_per_n * (amplitude + self._went_on)
+        slow = [slow + keep * (f - slow) for f, slow in zip(excess, self._slow.tolist(), strict=True)]
+        fast = _largest([f - s for f, s in zip(excess, slow, strict=True)])
+        shake, went_on = self._shaking.tolist()
+        shake += min(self._dt / 0.3, 1.0) * (fast - shake)
+        amplitude = max(1.57 * shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
+        went_on += self._dt * (law.shake_growth_per_s * amplitude - went_on / law.shake_memory_s)
+        self._slow[:], self._shaking[:] = slow, (shake, went_on)
+        return law.shake_damping_ns_per_m_per_n * (amplitude + went_on)
 
 
 class Pace:
@@ -128,44 +130,52 @@ class Pace:
     def __init__(self, reference: PhaseReference, law: CollaborativeLaw, dt: float) -> None:
         self.reference, self.law, self._dt = reference, law, dt
         d = reference.position.shape[1]
-        self._top_speed = float(np.linalg.norm(reference.velocity, axis=1).max())
-        self.expected, self.velocity, self._start = np.zeros(d), np.zeros(d), np.zeros(d)
-        self.start(0.0, np.zeros(d))
+        self.top_speed = float(np.linalg.norm(reference.velocity, axis=1).max())
+        self.memory = np.zeros(3 * d + 3)
+        self.expected, self.velocity, self._start = self.memory[:-3].reshape(3, d)
+        self.clock = self.memory[-3:]  # phase, rate, resistance
 
     def start(self, phase: float, position: Array) -> None:
         """From `phase` [s] on; before 0 the hand stays at `position` (d,)."""
-        self.phase, self.rate, self.resistance = phase, 0.0, 0.0
+        self.memory[:] = 0.0
+        self.clock[0] = phase
         self._start[:] = position
-        self.expected[:] = 0.0
-        self.velocity[:] = 0.0
+
+    @property
+    def phase(self) -> float:
+        return float(self.clock[0])
+
+    @property
+    def rate(self) -> float:
+        return float(self.clock[1])
 
     @property
     def ended(self) -> bool:
         return self.phase >= self.reference.duration_s
 
     def step(self, x: Array, force: Array) -> None:
-        law, reference, s = self.law, self.reference, self.phase
+        law, reference, (s, rate, resistance) = self.law, self.reference, self.clock.tolist()
         moving = 0.0 <= s < reference.duration_s
         target = reference.floats_at("position", s) if s >= 0.0 else self._start.tolist()
         velocity = reference.floats_at("velocity", s) if moving else [0.0] * len(target)
         speed = sqrt(_dot(velocity, velocity))
         along = _dot(force.tolist(), velocity) / speed if speed > 1e-6 else 0.0
         excess = min(along + law.comfortable_n, 0.0)
-        self.resistance += min(self._dt / law.patience_s, 1.0) * (excess - self.resistance)
-        self.rate = max(1.0 + law.yield_gain_per_n * self.resistance, law.slowest_clock) if moving else 1.0
+        resistance += min(self._dt / law.patience_s, 1.0) * (excess - resistance)
+        rate = max(1.0 + law.yield_gain_per_n * resistance, law.slowest_clock) if moving else 1.0
         # a person's resistance grows with speed, so at a slower pace less of it is to be expected
         felt = reference.floats_at("force", s) if s >= 0.0 else [0.0] * len(target)
-        self.phase = min(s + self._dt * self.rate, reference.duration_s)
+        self.clock[:] = min(s + self._dt * rate, reference.duration_s), rate, resistance
         error = [t - p for t, p in zip(target, x.tolist(), strict=True)]
         share = self._bound(error)
         for i, v in enumerate(velocity):
-            self.expected[i] = self.rate * felt[i]
-            self.velocity[i] = self.rate * v + law.attraction_per_s * (error[i] * share)
+            self.expected[i] = rate * felt[i]
+            self.velocity[i] = rate * v + law.attraction_per_s * (error[i] * share)
 
     def _bound(self, error: list[float]) -> float:
         """The attractor never asks for more than the taught top speed, however far away it starts."""
         length = sqrt(_dot(error, error)) * self.law.attraction_per_s
-        return min(1.0, self._top_speed / length) if length > 1e-9 else 1.0
+        return min(1.0, self.top_speed / length) if length > 1e-9 else 1.0
 
 
 class Watch:
@@ -173,25 +183,23 @@ class Watch:
 
     def __init__(self, model: Hmm, model_dt: float, dt: float) -> None:
         groups = [g for g in ("position", "force") if any(c.startswith(g + ".") for c in model.channels)]
-        self._filter = ForwardFilter(model, groups)
-        self._dt, self._model_dt = dt, model_dt
-        self.weights = np.zeros(model.n_states)
-        self._seen = np.zeros(len(self._filter.channels))
-        self.reset()
+        self.filter = ForwardFilter(model, groups)
+        self._dt, self.model_dt = dt, model_dt
+        self.weights = self.filter.weights
+        self.seen, self.until = np.zeros(len(self.filter.channels)), np.zeros(1)
 
     def reset(self) -> None:
-        self._filter.reset()
-        self._until = 0.0
-        self.weights[:] = self._filter.weights
+        self.filter.reset()
+        self.until[0] = 0.0
 
     def step(self, x: Array, force: Array) -> None:
-        while self._until <= 1e-9:
-            self._until += self._model_dt
-            self._seen[: len(x)] = x
-            if len(self._seen) > len(x):
-                self._seen[len(x) :] = force
-            self.weights[:] = self._filter.step(self._seen)
-        self._until -= self._dt
+        while self.until[0] <= 1e-9:
+            self.until[0] += self.model_dt
+            self.seen[: len(x)] = x
+            if len(self.seen) > len(x):
+                self.seen[len(x) :] = force
+            self.filter.step(self.seen)
+        self.until[0] -= self._dt
 
 
 class CollaborativeSkill:
@@ -230,8 +238,11 @@ class CollaborativeSkill:
         self._nothing.setflags(write=False)
         self._compliance = Compliance(d, dt)
         self._pace = Pace(self.reference, self.law, dt)
-        self._phase, self._rate = np.zeros(1), np.zeros(1)
-        self._expected, self._velocity, self._position = np.zeros(d), np.zeros(d), np.zeros(d)
+        self._memory = memory(d)
+        self._expected, self._velocity, self._position, self._start, *_ = self._memory[:-2].reshape(-1, d)
+        self._phase, self._rate = self._memory[-2:].reshape(2, 1)
+        self._compiled = compiled(self._watch, self._pace, self._compliance, self._memory, dt)
+        self._tick: Callable[..., bool] | None = None
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
@@ -245,19 +256,25 @@ class CollaborativeSkill:
 
     def reset(self, obs: Observation) -> None:
         self._watch.reset()
-        self._position[:] = np.nan_to_num(obs.position)
-        self._start = self._position.copy()
+        self._memory[:] = 0.0
+        self._position[:] = self._start[:] = np.nan_to_num(obs.position)
         self._compliance.reset()
-        self._velocity[:] = 0.0
-        self._expected[:] = 0.0
         self._phase[0] = -self.law.start_delay_s if self.role == "leader" else 0.0
-        self._rate[0] = 0.0
         self._pace.start(float(self._phase[0]), self._position)
         outside = outside_taught(self.reference, self._position)
         self._complies_only = bool(outside > self.law.reach_m)
         self.notice = f"outside what was taught by {outside:.2f} m: complies only" if self._complies_only else ""
+        if self._compiled is not None:
+            how = "comply" if self._complies_only else "lead" if self.role == "leader" else "follow"
+            self._tick = getattr(self._compiled, how)
 
     def step(self, obs: Observation, command: Command) -> None:
+        tick = self._tick
+        if tick is None or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration):
+            self._step(obs, command)
+
+    def _step(self, obs: Observation, command: Command) -> None:
+        """The tick to read; the compiled one leaves it what is missing."""
         x = obs.position if _finite(obs.position) else np.where(np.isfinite(obs.position), obs.position, self._position)
         # a missing force is taken as none: the compliance then only dies away
         force = obs.force if _finite(obs.force) else np.where(np.isfinite(obs.force), obs.force, 0.0)
@@ -301,6 +318,38 @@ class CollaborativeSkill:
         return self._foreseen
 
 
+def memory(n_axes: int) -> Array:
+    """What a skill of this law remembers, as kernels/_law.h shares it: seven vectors and two numbers.
+
+    Expected force, commanded velocity, position, start; where roles change reference, pull, bias; then phase and clock rate.
+    """
+    return np.zeros(7 * n_axes + 2)
+
+
+def compiled(
+    watch: Watch,
+    pace: Pace,
+    compliance: Compliance,
+    memory: Array,
+    dt: float,
+    *,
+    insistence: Array = np.zeros(6),
+    pull_s: float = 1.0,
+) -> Any:
+    """The tick of a skill made of these parts, in C and over their arrays; None where nothing could be compiled.
+
+    insistence, pull_s   of a skill that may give way, see `skills.roles`
+    """
+    d, table = pace.reference.position.shape[1], pace.reference
+    if watch.filter.compiled is None or d > 6 or len(watch.seen) not in (d, 2 * d):
+        return None
+    return kernels.native.Law(
+        watch.filter.compiled, np.array(astuple(pace.law)), insistence, table.position, table.velocity, table.force,
+        compliance.memory, pace.memory, memory, watch.until, watch.seen,
+        d, dt, watch.model_dt, table.step_s, pace.top_speed, pull_s,
+    )  # fmt: skip
+
+
 def outside_taught(reference: PhaseReference, position: Array) -> float:
     """How far `position` (d,) lies outside the box of the reference's positions [m]; negative inside."""
     low, high = reference.position.min(axis=0), reference.position.max(axis=0)
@@ -324,7 +373,10 @@ def _largest(values: list[float]) -> float:
 
 
 def _dot(a: list[float], b: list[float]) -> float:
-    return sum(map(mul, a, b))
+    total = 0.0  # not sum(), which compensates since Python 3.12: the compiled tick does not
+    for x, y in zip(a, b, strict=True):
+        total += x * y
+    return total
 
 
 def _finite(values: Array) -> bool:

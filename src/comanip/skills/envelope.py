@@ -19,14 +19,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import copysign, hypot, inf, isfinite, sqrt
+from math import copysign, inf, isfinite, sqrt
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .. import kernels
 from ..errors import ParameterError
 from ..interfaces import Array, Command, Observation, Skill
 from .checker import Checker
-from .watching import Jump, LetGo, Shaking
+from .ordinary import LENT, MOST_AXES, Ordinary
+from .watching import Jump, LetGo, Shaking, dot, length
 
 RUN, COMPLY, HOLD = 0, 1, 2
 NAMES = ("RUN", "COMPLY", "HOLD")
@@ -118,8 +121,21 @@ class Envelope:
         self._mode, self._tank, self._confidence = np.zeros(1), np.full(d, limits.energy_j), np.ones(1)
         self._inner = Command(d)
         self._frozen: dict[str, Array] | None = None
+        self._ordinary: Any = None  # Ordinary, where it was compiled
+        self._is_lent = False
         self._restart(0.0, [0.0] * d)
         self._fault("not started")
+        if kernels.native is not None and d <= MOST_AXES:
+            self._ordinary = Ordinary(self)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """What the compiled tick has borrowed comes back as soon as anybody asks."""
+            if name in LENT and self._is_lent:
+                self._take_back()
+                return getattr(self, name)
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     @property
     def mode(self) -> str:
@@ -187,6 +203,7 @@ class Envelope:
             skill.reset(obs)
         except Exception as error:
             return f"policy: {error!r}"
+        self._take_back()
         self._frozen = {name: array.copy() for name, array in shown.items()}
         self.skill = skill
         self._confidence[0] = 0.0
@@ -210,6 +227,7 @@ class Envelope:
         return self._reason
 
     def _restart(self, time: float, position: list[float]) -> None:
+        self._take_back()
         d = self._d
         self._state, self._reason = RUN, ""
         self._time = self._stamp = time
@@ -217,7 +235,7 @@ class Envelope:
         self._first = True
         self._x, self._sent = list(position), list(position)
         self._at, self._v, self._force = list(position), [0.0] * d, [0.0] * d
-        self._wanted = [0.0] * d
+        self._wanted, self._asked, self._period = [0.0] * d, [0.0] * d, 0.0
         self._known = True
         self._raw, self._same_s = [inf] * d, [0.0] * d
         self._energy = [self.limits.energy_j] * d
@@ -284,6 +302,24 @@ class Envelope:
             self._write(command, self._v, False)
 
     def _step(self, obs: Observation, command: Command) -> None:
+        """An ordinary tick is compiled, but for the skill's own; where there is anything to say, it is said here."""
+        ordinary, inner = self._ordinary, self._inner
+        plain = self._is_lent and self._tells is None and self._timer is None
+        if plain and ordinary.sense(obs.time, obs.position, obs.force, obs.velocity, obs.sensor_force):
+            try:
+                self.skill.step(obs, inner)
+                if self._is_lent and ordinary.act(  # not lent any more: the skill has looked at its envelope
+                    inner.position, inner.velocity, inner.acceleration, command.position, command.velocity, command.acceleration
+                ):
+                    return
+                problem = self._unfit()
+            except Exception as error:
+                problem = repr(error)
+            self._take_back()
+            self._heed(problem, 1.0)
+            self._send(command, self._period, True, False)
+            return
+        self._take_back()
         period, fresh, late = self._clock(obs)
         self._impact_s -= period
         if fresh:
@@ -294,6 +330,22 @@ class Envelope:
             self._look(period)
         if self._state == RUN:
             self._think(obs, period, fresh)
+        self._send(command, period, fresh, late)
+
+    def _lend(self) -> None:
+        """To the compiled tick, while nothing is under way that only the Python knows."""
+        if self._ordinary is None or self._state != RUN or self._frozen is not None or self._confidence[0] < 1.0:
+            return
+        if not self._first and self._ticks >= 5 and self._jump.last and self._jump.pending is None:
+            self._ordinary.lend(self)
+            self._is_lent = True
+
+    def _take_back(self) -> None:
+        if self._is_lent and self._ordinary is not None:
+            self._is_lent = False
+            self._ordinary.take_back(self)
+
+    def _send(self, command: Command, period: float, fresh: bool, late: bool) -> None:
         velocity = self._clip(period)
         verdict = self._checker.judge(period, velocity, late)
         if verdict:
@@ -303,6 +355,7 @@ class Envelope:
             self._rate = [(new - old) / period for new, old in zip(velocity, self._v, strict=True)]
         self._v = velocity
         self._write(command, velocity, passed)
+        self._lend()
 
     def _clock(self, obs: Observation) -> tuple[float, bool, bool]:
         """(period [s], a new sample came, the period was too long)."""
@@ -388,10 +441,10 @@ class Envelope:
     def _look(self, period: float) -> None:
         """Blocked, let go, shaken, wrongly tared."""
         limits = self.limits
-        speed, size = hypot(*self._v), hypot(*self._force)
+        speed, size = length(self._v), length(self._force)
         if self._let_go.step(speed, period):
             self._fault("let go: the hand carries the whole object")
-        against = -sum(f * v for f, v in zip(self._force, self._v, strict=True)) / max(speed, 1e-6)
+        against = -dot(self._force, self._v) / max(speed, 1e-6)
         self._blocked_ns = self._blocked_ns + against * period if against > limits.blocked_n else 0.0
         if self._blocked_ns > limits.blocked_n * limits.blocked_s:
             self._comply("blocked")
@@ -432,6 +485,10 @@ class Envelope:
             problem = repr(error)
         if self._timer is not None and not problem and (took := self._timer() - started) > self._dt:
             problem = f"took {1000.0 * took:.0f} ms"
+        self._heed(problem, share)
+
+    def _heed(self, problem: str, share: float) -> None:
+        """What the skill commanded is wanted, unless there is a problem with it."""
         if problem:
             self._inner = Command(self._d)
             self._fault(f"policy: {problem}")

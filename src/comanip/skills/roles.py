@@ -21,13 +21,14 @@ from ..errors import MismatchError
 from ..interfaces import Array, Command, Observation
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
-from .collaborate import CollaborativeLaw, Compliance, Pace, Watch, command_velocity, outside_taught
+from .collaborate import CollaborativeLaw, Compliance, Pace, Watch, command_velocity, compiled, memory, outside_taught
 from .reference import PhaseReference
 
 GAINS = (0.1, 0.2, 0.4, 0.8)  # how strong this partner is beside those of the lessons
 FOLLOWS, PROBES, LEADS = "follows", "offers to lead", "leads"
 BIAS_S = 1.5  # how fast a force at rest, before the first motion, is taken for the sensor's
 PULL_S = 0.08  # smoothing of the force that decisions are made on
+AGAINST = ("insist_n", "insist_ns_per_m", "ahead_n", "insist_s", "held_m_per_s", "resting_n")  # of RolePolicy, for kernels/_law.h
 GROUPS = ("position", "force", "velocity")
 ABSURD = 1e6  # no robot is so far away, so fast or so strong, in any unit: it counts as missing
 
@@ -183,12 +184,16 @@ class RoleSkill:
         self._offering = replace(leading, resting_damping_ns_per_m=leading.moving_damping_ns_per_m, dead_zone_n=0.0)
         self._pace = Pace(reference, leading, dt)
         self._compliance = Compliance(d, dt)
-        self._velocity, self._position, self._start = np.zeros(d), np.zeros(d), np.zeros(d)
-        self._expected, self._reference, self._pull, self._bias = np.zeros(d), np.zeros(d), np.zeros(d), np.zeros(d)
-        self._nothing, self._seen = np.zeros(d), np.zeros(3 * d)
-        self._blend, self._phase, self._rate = np.zeros(1), np.zeros(1), np.zeros(1)
+        self._memory = memory(d)
+        self._expected, self._velocity, self._position, self._start, *others = self._memory[:-2].reshape(-1, d)
+        self._reference, self._pull, self._bias = others
+        self._phase, self._rate = self._memory[-2:].reshape(2, 1)
+        self._nothing, self._seen, self._blend = np.zeros(d), np.zeros(3 * d), np.zeros(1)
         self._complies_only = False
         self._state = FOLLOWS
+        self._leads_on = False  # the compiled tick may go on; it says itself when something speaks against that
+        against = np.array([getattr(policy, name) for name in AGAINST])
+        self._compiled = compiled(watch, self._pace, self._compliance, self._memory, dt, insistence=against, pull_s=PULL_S)
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
@@ -213,13 +218,11 @@ class RoleSkill:
         self._watch.reset()
         if self.evidence is not None:
             self.evidence.reset()
-        self._position[:] = np.nan_to_num(obs.position)
-        self._start[:] = self._position
+        self._memory[:] = 0.0
+        self._position[:] = self._start[:] = np.nan_to_num(obs.position)
         self._compliance.reset()
         delay = self._pace.law.start_delay_s
         self._pace.start(-delay if self._told_to_lead else 0.0, self._position)
-        for array in (self._velocity, self._expected, self._reference, self._pull, self._bias, self._blend, self._phase):
-            array[:] = 0.0
         self._state, self._moved = (LEADS if self._told_to_lead else FOLLOWS), False
         self._gives, self._answers = False, 0
         self._place: Array | None = None  # where an offer was begun, or answered
@@ -230,8 +233,23 @@ class RoleSkill:
         if self._complies_only:
             self._state = FOLLOWS
         self._meant = self._blend[0] = float(self._state == LEADS)
+        self._leads_on = self._may_lead_on()
 
     def step(self, obs: Observation, command: Command) -> None:
+        if self._leads_on and self._compiled.lead_on(
+            obs.position, obs.force, command.position, command.velocity, command.acceleration
+        ):
+            return
+        self._step(obs, command)
+        self._leads_on = self._may_lead_on()
+
+    def _may_lead_on(self) -> bool:
+        """It leads, means it, and nothing has begun to speak against that: a tick of the leader's law, which is compiled."""
+        if self._compiled is None or self.evidence is not None or self._state != LEADS:
+            return False
+        return self._meant >= 1.0 and self._blend[0] == 1.0 and self._against_s == self._held_s == 0.0
+
+    def _step(self, obs: Observation, command: Command) -> None:
         x = obs.position if isfinite(obs.position.sum()) else np.where(np.isfinite(obs.position), obs.position, self._position)
         force = obs.force if isfinite(obs.force.sum()) else np.where(np.isfinite(obs.force), obs.force, 0.0)
         self._position[:] = x

@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 from collections import deque
-from math import dist, exp, hypot, isfinite, pi
+from collections.abc import Sequence
+from math import exp, isfinite, pi, sqrt
 
 from ..interfaces import STANDARD_GRAVITY
 
@@ -14,6 +15,22 @@ WEIGHED_TICKS = 25
 SWING_S = 0.1  # an object that is let go swings on the wrist at about 10 Hz: the mean of one swing is its weight
 QUIET_S = 0.5  # over which a force's ordinary change from sample to sample is known
 SAME = (0.7, 1.3)  # a zero that moved stays where it is: so much of the jump is still there afterwards
+
+
+def dot(a: Sequence[float], b: Sequence[float]) -> float:
+    """In plain order: sum() compensates since Python 3.12, and the compiled tick adds as here."""
+    total = 0.0
+    for x, y in zip(a, b, strict=True):
+        total += x * y
+    return total
+
+
+def length(a: Sequence[float]) -> float:
+    return sqrt(dot(a, a))
+
+
+def apart(a: Sequence[float], b: Sequence[float]) -> float:
+    return length([x - y for x, y in zip(a, b, strict=True)])
 
 
 class LetGo:
@@ -62,18 +79,16 @@ class LetGo:
         self._pulls.append([f - w * (1.0 + a / STANDARD_GRAVITY) for f, w, a in held])
 
     def step(self, speed: float, period: float) -> bool:
-        load = hypot(*self.weight)
+        load = length(self.weight)
         alone = False
         if load > self._least_n and len(self._pulls) == self._pulls.maxlen:
-            pull = [sum(values) / len(self._pulls) for values in zip(*self._pulls, strict=True)]
+            pull = [dot(values, [1.0] * len(values)) / len(values) for values in zip(*self._pulls, strict=True)]
             self._before.append(pull)
-            self._since_s = 0.0 if dist(self._before[0], pull) > 0.5 * load else self._since_s + period
-            free = (
-                speed > self._stands_m_s
-                or dist(self._before[-1 - min(self._apart, len(self._before) - 1)], pull) < self._most_apart_n
-            )
+            self._since_s = 0.0 if apart(self._before[0], pull) > 0.5 * load else self._since_s + period
+            earlier = self._before[-1 - min(self._apart, len(self._before) - 1)]
+            free = speed > self._stands_m_s or apart(earlier, pull) < self._most_apart_n
             sudden = self._for_s > 0.0 or self._since_s < 4.0 * self._sudden_s
-            alone = hypot(*pull) < self._alone_n and free and sudden
+            alone = length(pull) < self._alone_n and free and sudden
         self._for_s = self._for_s + period if alone else 0.0
         return self._for_s > self._alone_s
 
@@ -83,34 +98,34 @@ class Jump:
 
     def __init__(self, n_axes: int, least_n: float, rest_s: float, stays_s: float) -> None:
         self._least_n, self._rest_s, self._stays_s = least_n, rest_s, stays_s
-        self._last: list[float] = []
+        self.last: list[float] = []
         self._usual, self._heard_s, self._still_s = [0.0] * n_axes, 0.0, 0.0
-        self._pending: tuple[int, float, float] | None = None  # axis, reading before, size
+        self.pending: tuple[int, float, float] | None = None  # axis, reading before, size
         self._sum, self._count, self._for_s = 0.0, 0, 0.0
 
     def step(self, sensed: list[float], at_rest: bool, period: float) -> float:
-        last, self._last = self._last, sensed
+        last, self.last = self.last, sensed
         if not last or not all(map(isfinite, [*sensed, *last])):
             return 0.0
-        if self._pending is not None:
+        if self.pending is not None:
             return self._confirmed(sensed, period)
         self._heard_s = min(self._heard_s + period, max(QUIET_S, period))
         share = period / self._heard_s if period > 0.0 else 0.0  # a mean at first, then one that forgets
         for i, (new, old) in enumerate(zip(sensed, last, strict=True)):
             change = abs(new - old)
             if self._still_s > self._rest_s and change > self._least_n + 6.0 * self._usual[i]:
-                self._pending, self._sum, self._count, self._for_s = (i, old, new - old), 0.0, 0, 0.0
+                self.pending, self._sum, self._count, self._for_s = (i, old, new - old), 0.0, 0, 0.0
             self._usual[i] += share * (change - self._usual[i])
         self._still_s = self._still_s + period if at_rest else 0.0
         return 0.0
 
     def _confirmed(self, sensed: list[float], period: float) -> float:
-        assert self._pending is not None
-        axis, before, size = self._pending
+        assert self.pending is not None
+        axis, before, size = self.pending
         self._sum, self._count, self._for_s = self._sum + sensed[axis], self._count + 1, self._for_s + period
         if self._for_s < self._stays_s:
             return 0.0
-        self._pending = None
+        self.pending = None
         share = (self._sum / self._count - before) / size
         return abs(size) if SAME[0] < share < SAME[1] else 0.0
 

@@ -1,0 +1,219 @@
+/* One tick of the default law, for the classes of skills/collaborate.py and skills/roles.py that share their arrays with it.
+ *
+ * The same operations in the same order as there, so that the numbers are the same to the last bit: nothing may be contracted.
+ * A tick that is not plain (something missing, an array of another kind, a change of role) gives 0 and leaves all untouched.
+ */
+
+typedef struct { /* CollaborativeLaw, in the order of its fields */
+    double mass, moving_damping, resting_damping, moving_speed, dead_zone, anticipation, anticipation_s, attraction, start_delay,
+        comfortable, yield_gain, slowest_clock, patience, reach, max_acceleration, shake_hz, shake_n, shake_damping, shake_memory, shake_growth,
+        lead_s;
+} Numbers;
+
+typedef struct { double insist_n, insist_ns_per_m, ahead_n, insist_s, held_m_per_s, resting_n; } Insistence; /* of RolePolicy */
+
+typedef struct {
+    int d, rows;
+    double dt, model_dt, step_s, duration_s, top_speed, pull_share, keep_slow, keep_shake;
+    Numbers law;
+    Insistence insists;
+    const double *path, *velocity_table, *force_table; /* PhaseReference, (rows, d) each */
+    double *compliance, *slow, *shake, *went_on;       /* Compliance.memory */
+    double *expected, *wanted, *hold, *clock;          /* Pace.memory; clock: phase, rate, resistance */
+    double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock; /* of the skill */
+    double *until, *seen;                              /* of Watch */
+    Tick *filter;
+    const Level *level;
+} Law;
+
+enum { PHASE, RATE, RESISTANCE };
+
+static double least(double a, double b) { return b < a ? b : a; }
+static double most(double a, double b) { return b > a ? b : a; }
+static double within(double x, double low, double high) { return least(most(x, low), high); }
+
+static double dot(const double *a, const double *b, int d) {
+    double sum = 0.0;
+    for (int i = 0; i < d; i++) sum += a[i] * b[i];
+    return sum;
+}
+
+static double length(const double *a, int d) { return sqrt(dot(a, a, d)); }
+
+static double largest(const double *a, int d) {
+    double top = 0.0;
+    for (int i = 0; i < d; i++) top = most(top, fabs(a[i]));
+    return top;
+}
+
+static int all_finite(const double *a, int d) {
+    for (int i = 0; i < d; i++)
+        if (!isfinite(a[i])) return 0;
+    return 1;
+}
+
+/* PhaseReference.floats_at */
+static void row_at(const Law *l, const double *table, double phase, double *out) {
+    const int d = l->d;
+    const double place = within(phase / l->step_s, 0.0, (double)(l->rows - 1));
+    const int n = (int)place < l->rows - 2 ? (int)place : l->rows - 2;
+    const double share = place - n;
+    for (int i = 0; i < d; i++) out[i] = (1.0 - share) * table[n * d + i] + share * table[(n + 1) * d + i];
+}
+
+/* PhaseReference.closest, within 0.15 s */
+static double closest(const Law *l, const double *position, double near) {
+    const int d = l->d;
+    int low = (int)most((near - 0.15) / l->step_s, 0.0);
+    int high = (int)least((near + 0.15) / l->step_s, (double)l->rows) + 2;
+    if (high > l->rows) high = l->rows;
+    if (low > high - 1) low = high - 1;
+    int best = low;
+    double smallest = INFINITY;
+    for (int n = low; n < high; n++) {
+        double apart = 0.0;
+        for (int i = 0; i < d; i++) {
+            const double off = l->path[n * d + i] - position[i];
+            apart += off * off;
+        }
+        if (apart < smallest) smallest = apart, best = n;
+    }
+    return best * l->step_s;
+}
+
+/* Pace.step */
+static void pace(Law *l, const double *x, const double *force) {
+    const Numbers *law = &l->law;
+    const int d = l->d;
+    const double s = l->clock[PHASE];
+    const int begun = s >= 0.0, moving = begun && s < l->duration_s;
+    double target[MOST_AXES], taught[MOST_AXES] = {0}, felt[MOST_AXES] = {0}, error[MOST_AXES];
+    if (begun) row_at(l, l->path, s, target), row_at(l, l->force_table, s, felt);
+    else memcpy(target, l->hold, sizeof(double) * d);
+    if (moving) row_at(l, l->velocity_table, s, taught);
+    const double speed = length(taught, d), along = speed > 1e-6 ? dot(force, taught, d) / speed : 0.0;
+    const double excess = least(along + law->comfortable, 0.0);
+    l->clock[RESISTANCE] += least(l->dt / law->patience, 1.0) * (excess - l->clock[RESISTANCE]);
+    const double rate = moving ? most(1.0 + law->yield_gain * l->clock[RESISTANCE], law->slowest_clock) : 1.0;
+    l->clock[RATE] = rate;
+    l->clock[PHASE] = least(s + l->dt * rate, l->duration_s);
+    for (int i = 0; i < d; i++) error[i] = target[i] - x[i];
+    const double asked = length(error, d) * law->attraction, share = asked > 1e-9 ? least(1.0, l->top_speed / asked) : 1.0;
+    for (int i = 0; i < d; i++) {
+        l->expected[i] = rate * felt[i];
+        l->wanted[i] = rate * taught[i] + law->attraction * (error[i] * share);
+    }
+}
+
+/* CollaborativeSkill._anticipate */
+static void anticipate(Law *l, const double *x, const double *force, double *foreseen) {
+    const Numbers *law = &l->law;
+    const int d = l->d;
+    double taught[MOST_AXES], now[MOST_AXES], ahead[MOST_AXES], heading[MOST_AXES];
+    for (int i = 0; i < d; i++) taught[i] = x[i] - l->start[i] + l->path[i], foreseen[i] = 0.0;
+    const double before = l->shown_clock[PHASE], s = closest(l, taught, before), speed = length(l->compliance, d);
+    l->shown_clock[RATE] = (s - before) / l->dt;
+    l->shown_clock[PHASE] = s;
+    if (speed < 0.02) return;
+    row_at(l, l->velocity_table, s, now);
+    const double usual = most(length(now, d), 0.03);
+    row_at(l, l->velocity_table, s + law->anticipation_s * least(speed / usual, 2.0), ahead);
+    for (int i = 0; i < d; i++) heading[i] = l->compliance[i] / speed;
+    double agreement = within((dot(force, heading, d) + 1.0) / 2.0, 0.0, 1.0);
+    agreement *= least(speed / law->moving_speed, 1.0);
+    const double scale = least(speed / usual, 1.5);
+    for (int i = 0; i < d; i++)
+        foreseen[i] = law->anticipation * agreement * within((ahead[i] - now[i]) / law->anticipation_s * scale, -1.0, 1.0);
+}
+
+/* Compliance.step */
+static void comply(Law *l, const double *excess, const double *reference, const double *feedforward) {
+    const Numbers *law = &l->law;
+    const int d = l->d;
+    const double speed = most(largest(l->compliance, d), largest(reference, d)), rest = 1.0 - least(speed / law->moving_speed, 1.0);
+    double damping = law->moving_damping + rest * rest * (law->resting_damping - law->moving_damping), fast = 0.0;
+    for (int i = 0; i < d; i++) {
+        l->slow[i] += l->keep_slow * (excess[i] - l->slow[i]);
+        fast = most(fast, fabs(excess[i] - l->slow[i]));
+    }
+    *l->shake += l->keep_shake * (fast - *l->shake);
+    const double amplitude = most(1.57 * *l->shake - law->shake_n, 0.0);
+    *l->went_on += l->dt * (law->shake_growth * amplitude - *l->went_on / law->shake_memory);
+    damping += law->shake_damping * (amplitude + *l->went_on);
+    const double dead = law->dead_zone * rest, share = l->dt / law->mass;
+    for (int i = 0; i < d; i++) {
+        const double push = copysign(most(fabs(excess[i]) - dead, 0.0), excess[i]);
+        l->compliance[i] = (l->compliance[i] + share * push + l->dt * feedforward[i]) / (1.0 + share * damping);
+    }
+}
+
+/* command_velocity; `out` is position, velocity, acceleration. */
+static void send(Law *l, const double *x, const double *reference, double *const out[3]) {
+    const double limit = l->law.max_acceleration * l->dt, lead = l->law.lead_s / l->dt;
+    for (int i = 0; i < l->d; i++) {
+        const double change = within(reference[i] + l->compliance[i] - l->velocity[i], -limit, limit), v = l->velocity[i] + change;
+        l->velocity[i] = v;
+        out[1][i] = v + lead * change;
+        out[0][i] = x[i] + l->dt * v;
+        out[2][i] = change / l->dt;
+    }
+}
+
+/* Watch.step, at most one step of the filter; 0 where the filter leaves it to its twin. */
+static int watch(Law *l, const double *x, const double *force) {
+    const int due = *l->until <= 1e-9;
+    if (due) {
+        if (*l->until + l->model_dt <= 1e-9) return 0;
+        memcpy(l->seen, x, sizeof(double) * l->d);
+        if (l->filter->D > l->d) memcpy(l->seen + l->d, force, sizeof(double) * l->d);
+        if (!l->level->tick(l->filter, l->seen)) return 0;
+    }
+    *l->until = (due ? *l->until + l->model_dt : *l->until) - l->dt;
+    return 1;
+}
+
+/* CollaborativeSkill.step */
+static int follow(Law *l, const double *x, const double *force, double *const out[3], int anticipates) {
+    const double nothing[MOST_AXES] = {0};
+    double foreseen[MOST_AXES] = {0}, excess[MOST_AXES];
+    if (!watch(l, x, force)) return 0;
+    memcpy(l->position, x, sizeof(double) * l->d);
+    if (anticipates) anticipate(l, x, force, foreseen);
+    for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->shown_expected[i];
+    comply(l, excess, nothing, foreseen);
+    send(l, x, nothing, out);
+    return 1;
+}
+
+static int lead(Law *l, const double *x, const double *felt, const double *force, double *const out[3]) {
+    const double nothing[MOST_AXES] = {0};
+    double excess[MOST_AXES];
+    if (!watch(l, x, felt)) return 0;
+    memcpy(l->position, x, sizeof(double) * l->d);
+    pace(l, x, force);
+    memcpy(l->shown_clock, l->clock, sizeof(double) * 2);
+    memcpy(l->shown_expected, l->expected, sizeof(double) * l->d);
+    for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->expected[i];
+    comply(l, excess, l->wanted, nothing);
+    send(l, x, l->wanted, out);
+    return 1;
+}
+
+/* RoleSkill.step while it leads, means it, and nothing speaks against that: what `_give_way_if_he_insists` would begin to count is
+ * left to it. */
+static int lead_on(Law *l, const double *x, const double *felt, double *const out[3]) {
+    const Insistence *than = &l->insists;
+    const int d = l->d;
+    double force[MOST_AXES], pull[MOST_AXES];
+    for (int i = 0; i < d; i++) {
+        force[i] = felt[i] - l->bias[i];
+        pull[i] = l->pull[i] + l->pull_share * (force[i] - l->pull[i]);
+    }
+    const double along = dot(pull, l->wanted, d) / most(length(l->wanted, d), 1e-3), speed = length(l->velocity, d);
+    if (-along > than->insist_n + than->insist_ns_per_m * speed || along > than->ahead_n) return 0;
+    if (l->clock[PHASE] > than->insist_s && speed < than->held_m_per_s && length(pull, d) > than->resting_n) return 0;
+    if (!lead(l, x, felt, force, out)) return 0;
+    memcpy(l->pull, pull, sizeof(double) * d);
+    memcpy(l->reference, l->wanted, sizeof(double) * d);
+    return 1;
+}

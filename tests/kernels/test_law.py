@@ -1,0 +1,138 @@
+"""The compiled tick of the default law says bit by bit what its readable twin says, and leaves it what is not plain."""
+
+from __future__ import annotations
+
+from operator import attrgetter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from comanip import kernels
+from comanip.interfaces import Command, Observation
+from comanip.models.hmm import Hmm
+from comanip.skills.collaborate import CollaborativeLaw, CollaborativeSkill, Watch
+from comanip.skills.reference import PhaseReference
+from comanip.skills.roles import RoleSkill
+from toys import random_hmm
+
+pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
+KINDS = ("follower", "leader", "leader who may give way")
+
+
+def reference(rng, d):
+    s = np.linspace(-0.1, 1.0, 120).clip(0.0)[:, None]  # ten equal rows: of equally close phases the first
+    shape = s**3 * (10.0 + s * (-15.0 + 6.0 * s))
+    return PhaseReference(shape * rng.uniform(-0.4, 0.4, d), 2.0 * np.sin(np.pi * s) * rng.normal(size=d), 0.01)
+
+
+def make(kind, rng, d, dt=0.01, model_dt=0.01, *, deaf=False):
+    groups = ("position", "velocity") if deaf else ("position", "force", "velocity")
+    axes = tuple("xyzabcde"[:d])
+    p = random_hmm(rng, 4, len(groups) * d)
+    model = Hmm(p.initial, p.transition, p.means, p.covariances, tuple(f"{g}.{a}" for g in groups for a in axes))
+    table = reference(rng, d)
+    if kind != KINDS[2]:
+        return CollaborativeSkill(model, object(), role=kind, axes=axes, dt=dt, model_dt=model_dt, reference=table)
+    return RoleSkill(
+        Watch(model, model_dt, dt), table, table.position[-1:], leading=CollaborativeLaw.for_role("leader"),
+        following=CollaborativeLaw.for_role("follower"), axes=axes, dt=dt, leads=True,
+    )  # fmt: skip
+
+
+def pair(kind, seed, d, **about):
+    """Two skills of the same numbers: compiled, and in Python alone."""
+    one, other = (make(kind, np.random.default_rng(seed), d, **about) for _ in range(2))
+    other._compiled = None
+    return one, other
+
+
+def course(rng, d, n, rough):
+    """Positions and forces (n, d) of a hand somewhere near the lessons; rough ones lose samples and jump."""
+    time = np.arange(n)[:, None] * 0.01
+    x = 0.2 * np.sin(rng.uniform(0.5, 3.0, d) * time) + rng.uniform(-0.1, 0.1, d)
+    force = rng.choice([0.2, 2.0, 4.5, 8.0]) * np.sin(rng.uniform(0.5, rng.choice([2.0, 30.0]), d) * time)
+    force += 0.1 * rng.normal(size=(n, d)) + rng.choice([0.0, 2.0], d)
+    if rough:
+        for array in (x, force):
+            for value in (np.nan, np.inf, 1e5):
+                array[rng.integers(1, n, size=2), rng.integers(d, size=2)] = value
+    return x, force
+
+
+def alike(one, other, where):
+    """Whatever they remember, not only what they show."""
+    for name in ("_memory", "_pace.memory", "_compliance.memory", "_watch.until", "_watch.seen"):
+        np.testing.assert_array_equal(attrgetter(name)(one), attrgetter(name)(other), err_msg=f"{name}, tick {where}")
+    np.testing.assert_allclose(one._watch.weights, other._watch.weights, rtol=0.0, atol=1e-10)
+    assert one.notice == other.notice
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(KINDS), st.integers(1, 3), st.integers(0, 2**31), st.booleans())
+def test_bit_by_bit(kind, d, seed, rough):
+    rng = np.random.default_rng(seed)
+    about = {"model_dt": float(rng.choice([0.005, 0.01, 0.02])), "deaf": bool(rng.integers(2))}
+    one, other = pair(kind, seed, d, **about)
+    xs, forces = course(rng, d, 250, rough)
+    stiffness = rng.choice([0.0, 100.0, 1000.0])  # [N/m] of a partner who keeps his place
+    obs, a, b = Observation(d), Command(d), Command(d)
+    obs.position[:], obs.force[:] = xs[0], 0.0
+    one.reset(obs), other.reset(obs)
+    if kind == KINDS[2]:
+        one._bias[:] = other._bias[:] = rng.normal(size=d)
+    for n, (x, force) in enumerate(zip(xs, forces, strict=True)):
+        obs.position[:], obs.force[:] = x, force
+        if stiffness:
+            obs.position[:] = xs[0] + n * 0.01 * a.velocity
+            obs.force += stiffness * (xs[0] - obs.position)
+        one.step(obs, a), other.step(obs, b)
+        for name in ("position", "velocity", "acceleration"):
+            np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=f"{name}, tick {n}")
+        alike(one, other, n)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_ordinary_ticks_are_compiled(kind):
+    """Else all above would compare Python with itself."""
+    one, _ = pair(kind, 1, 1)
+    obs, command = Observation(1), Command(1)
+    obs.position[:] = obs.force[:] = 0.0
+    one.reset(obs)
+    in_python = []
+    one._step = lambda *_: in_python.append(1)
+    for n in range(100):
+        obs.position[0] = 0.001 * n
+        one.step(obs, command)
+    assert not in_python
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ["position", "force"])
+def test_arrays_of_another_kind_are_for_the_twin(kind, name):
+    """Another array at another tick, a slice with steps, a list's worth of whole numbers: the same answers."""
+    one, other = pair(kind, 2, 2)
+    obs, a, b = Observation(2), Command(2), Command(2)
+    obs.position[:] = obs.force[:] = 0.0
+    one.reset(obs), other.reset(obs)
+    for array in (np.zeros(4)[::2], np.zeros(2, dtype=np.int64), np.zeros(2), np.zeros(2, dtype=">f8"), np.full(2, 0.01)):
+        setattr(obs, name, array)
+        a.velocity, b.velocity = np.zeros(2), np.zeros(2)
+        one.step(obs, a), other.step(obs, b)
+        np.testing.assert_array_equal(a.velocity, b.velocity)
+        alike(one, other, array)
+
+
+def test_an_array_that_goes_is_not_written_to():
+    one, _ = pair("follower", 3, 1)
+    obs, command = Observation(1), Command(1)
+    obs.position[:] = obs.force[:] = 0.0
+    one.reset(obs)
+    one.step(obs, command)
+    before, command.velocity = command.velocity, np.zeros(1)
+    obs.force[:] = 20.0
+    for _ in range(50):
+        one.step(obs, command)
+    assert before[0] == 0.0
+    assert command.velocity[0] > 0.01
