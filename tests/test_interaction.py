@@ -11,6 +11,7 @@ from comanip.filters import Lowpass, differentiate, smooth
 from comanip.interaction import (
     CausalInteractionForce,
     Payload,
+    TaringInteractionForce,
     gravity_along,
     identify_payload,
     interaction_force,
@@ -221,3 +222,13 @@ def test_the_low_pass_has_butterworth_attenuation_and_unit_gain():
     assert np.allclose([b0, b1, b2, 1.0, a1, a2], [*b, *a], rtol=1e-12)
     section = Lowpass(10.0, DT)
     assert all(abs(section.step(3.7) - 3.7) < 1e-12 for _ in range(100))
+
+
+@pytest.mark.parametrize("mass_kg", [0.5, 3.0])
+def test_what_is_weighed_on_line_is_the_mass_that_inertia_is_taken_from(mass_kg):
+    estimator, obs = TaringInteractionForce(0.01, gravity=[-STANDARD_GRAVITY]), Observation(1)
+    obs.position[:] = obs.velocity[:] = 0.0
+    obs.sensor_force[:] = -0.5 * mass_kg * STANDARD_GRAVITY
+    for _ in range(30):
+        estimator.step(obs)
+    assert estimator.payload_kg == pytest.approx(mass_kg)

@@ -200,10 +200,18 @@ def test_a_lesson_that_ends_so_is_kept_in_its_file_with_the_reason(tmp_path, mon
     assert np.isfinite(taken[1]["hand.sensor_force"].values[:900]).all()
 
 
-def test_a_robot_that_is_pushed_over_says_so():
-    recording = run(plant_of(Pulling(lambda t: -400.0 * (t > 0.2))), Follows(still), duration_s=6.0)
+@pytest.mark.parametrize(("axis", "force"), [("x", 120.0), ("y", 80.0), ("z", -120.0)])
+def test_a_robot_that_is_pushed_over_says_so(axis, force):
+    partner = Pulling(lambda t: force * (t > 0.2), axes=(axis,))
+    recording = run(plant_of(partner, axes=(axis,)), Follows(still), duration_s=6.0)
     assert "fell" in recording.metadata["stop_reason"]
     assert recording.duration_s < 5.0
+
+
+def test_a_pull_that_drives_the_beam_into_the_leg_says_so_before_the_fall():
+    recording = run(plant_of(Pulling(lambda t: -400.0 * (t > 0.2))), Follows(still), duration_s=6.0)
+    assert "beam touches RLEG2" in recording.metadata["stop_reason"]
+    assert recording.duration_s < 0.5
 
 
 def test_an_arm_that_bends_into_the_body_ends_the_run_and_names_the_links(tmp_path):
