@@ -317,4 +317,4 @@ def test_the_simulator_is_not_loaded_before_it_is_needed():
 def test_the_model_weighs_what_its_class_does_and_has_thirty_joints(lifted):
     model = lifted[0].scene.model
     assert len(lifted[0].scene.joints) == 30
-    assert float(model.body_mass.sum()) - 2.0 == pytest.approx(56.0, abs=0.1)
+    assert float(model.body_mass.sum()) - 2.0 == pytest.approx(58.0, abs=0.1)
