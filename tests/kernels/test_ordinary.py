@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from comanip import kernels
 from comanip.interfaces import Command, Observation
 from comanip.skills.envelope import RUN, Envelope, Limits
-from comanip.skills.ordinary import LENT, SCALARS, VECTORS
+from comanip.skills.ordinary import LENT, SCALARS, VECTORS, Ordinary
 from envelopes import Dictated
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
@@ -105,7 +105,7 @@ def mischief(rng, pair):
         command.acceleration[0] = np.nan
 
     def other_arrays(command):
-        command.velocity = np.full(d, 0.05)
+        command.velocity, command.acceleration = np.full(d, 0.05), np.full(d, -30.0)
 
     what = rng.integers(9)
     if what == 0:
@@ -142,7 +142,9 @@ def test_for_ever_the_same(d, seed):
         Limits(workspace_m=((0.3, 0.7),) * d, energy_j=0.2, blocked_s=0.1, let_go_s=0.05),
         Limits(v_max_m_per_s=0.3, a_max_m_per_s2=3.0, sudden_s=dt, drift_m=0.5, force_limit_n=200.0, stuck_s=0.05),
     ]
-    pair = Pair(d, dt, limits[rng.integers(4)], 0.5)
+    chosen = limits[rng.integers(4)]
+    low, high = chosen.workspace_m[0] if chosen.workspace_m else (0.0, 1.0)
+    pair = Pair(d, dt, chosen, rng.choice([0.5, low + 0.03, high - 0.03]))
     obs, weight = pair.obs, rng.choice([0.0, -6.0, -20.0]) * rng.uniform(0.2, 1.0, size=d)
     left, time = 0, 0.0
     for tick in range(400):
@@ -167,6 +169,28 @@ def test_for_ever_the_same(d, seed):
             if any(said):
                 pair.hand[:] = obs.position[:] = 0.5
                 pair.again()
+    pair.everything()
+
+
+@pytest.mark.parametrize("towards", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("stricter", "rule"),
+    [({"walls": ((0.45, 0.55),)}, "room to stop"), ({"v_max": 0.2}, "speed"), ({"a_max": 4.0}, "acceleration")],
+)
+def test_the_compiled_checker_trusts_no_clip(stricter, rule, towards):
+    """With rules of its own that the clip does not know: what it lets through is what the Python's lets through."""
+    pair = Pair(1, 0.01, Limits(drift_m=1.0), 0.5)
+    for envelope in pair.envelopes:
+        vars(envelope._checker).update(stricter)
+    pair.envelopes[0]._ordinary = Ordinary(pair.envelopes[0])
+    for n in range(150):
+        for envelope in pair.envelopes:
+            envelope.skill.velocity[:] = towards * min(0.003 * n, 0.3) * (1.0 if n % 50 else 3.0)
+        pair.hand += pair.commands[0].velocity * 0.01
+        pair.obs.time, pair.obs.position[:] = 0.01 * n, pair.hand
+        pair.obs.force[:] = pair.obs.sensor_force[:] = 0.1 * np.sin(n)
+        pair.tick(n)
+    assert pair.envelopes[0].reason == f"checker: {rule}"
     pair.everything()
 
 
