@@ -342,7 +342,7 @@ def table(found: Numbers) -> str:
 def draw(found: Numbers) -> Any:
     caption = (
         "Lessons over a haptic handle (top) and of two people directly on the beam (bottom), against the time since the lift's "
-        f"onset, {LEARNED + HELD_OUT} a panel; F is eq. (3) from the sensor at end 1. Dark: that end leads; orange, dashed: it "
+        f"onset, {LEARNED + HELD_OUT} a kind; F is eq. (3) from the sensor at end 1. Dark: that end leads; orange, dashed: it "
         "follows; grey: nobody was told. Refuted if a dark and an orange curve have the same sign in the first third of the lift."
     )
     with figures.taste():

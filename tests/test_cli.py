@@ -6,6 +6,7 @@ import json
 import resource
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,21 @@ def test_teach_learn_reproduce_inspect(tmp_path):
     assert a == b
     again = answer("learn", "run.mcap", "--states", 4, "-o", "again.json", cwd=tmp_path)  # a rollout is a lesson
     assert again["states"] == 4
+
+
+def test_a_run_on_the_wall_clock_reaches_the_disk_as_it_goes(tmp_path, folder):
+    """And afterwards the whole recording is there, and the live one gone."""
+    answer("learn", *sorted(folder.glob("follower_[0-4].csv")), "-o", "skill.json", "--role", "follower", *FLAGS, cwd=tmp_path)
+    words = ["reproduce", "skill.json", "--force-from", folder / "follower_5.csv", *FLAGS, "--realtime", "--out", "run.csv"]
+    started = time.monotonic()
+    going = subprocess.Popen([sys.executable, "-m", "comanip.cli", *map(str, words)], cwd=tmp_path, stdout=subprocess.DEVNULL)
+    while not (tmp_path / "run.live.mcap").exists() and going.poll() is None:
+        time.sleep(0.05)
+    assert going.poll() is None, "it did not last as long as the lesson"
+    assert going.wait(timeout=60) == 0
+    assert time.monotonic() - started > 2.0
+    assert not (tmp_path / "run.live.mcap").exists()
+    assert "hand.position" in answer("inspect", "run.csv", cwd=tmp_path)[0]["channels"]
 
 
 def test_trial_prints_success_by_role_and_law(tmp_path):

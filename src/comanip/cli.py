@@ -171,7 +171,10 @@ def reproduce(
     plant: Plant = "beam",
     dt: Annotated[float, Parameter(help="Control period [s].")] = 0.01,
     force_from: Annotated[Path | None, Parameter(help="Replay the force of this recording instead of a partner.")] = None,
-    realtime: Annotated[bool, Parameter(negative="", help="Run on the wall clock.")] = False,
+    realtime: Annotated[
+        bool,
+        Parameter(negative="", help="Run on the wall clock; OUT.live.mcap grows with the run."),
+    ] = False,
     out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="Keep the run as .mcap or .csv.")] = None,
     plot: Annotated[Path | None, Parameter(help="Draw the run into this .png, .svg or .pdf.")] = None,
     data: Data = DataFlags(),

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from comanip import kernels
 from comanip.humans import Legs, Unsteadiness, Yielding
 from comanip.interaction import TaringInteractionForce, gravity_along
 from comanip.interfaces import STANDARD_GRAVITY, Command, Observation
@@ -274,20 +275,19 @@ def test_C16_stiff_and_soft_people_with_a_late_sensor_end_in_rest(skills):
     assert not shaky
 
 
-def test_C17_another_skill_at_any_moment_of_a_lift_is_no_step(skills):
+def test_C17_another_skill_at_any_tick_of_a_lift_is_no_step(skills):
     class Flips(Noted):
         def step(self, obs, command):
             if len(self.notices) == self.at:
                 assert self.skill.change_skill(make_skill(skills["leader"], axes=("z",), dt=DT, envelope=False), obs) == ""
             super().step(obs, command)
 
-    for at in range(20, 420, 40):
+    for at in range(80, 340):
         noted = Flips(skill_of(skills, "follower"))
-        noted.at, speeds = at, []
+        noted.at = at
         plant = BeamPlant(leader(), start_position=np.array([START]), dt=DT, rng=np.random.default_rng(0))
-        recording = run(plant, noted, duration_s=6.0, estimator=Drifting(lambda t: 0.0))
-        speeds = recording["command.velocity"].values[:, 0]
-        assert np.abs(np.diff(speeds)).max() <= A * DT + 1e-12
+        recording = run(plant, noted, duration_s=(at + 70) * DT, estimator=Drifting(lambda t: 0.0))  # faded after 50 ticks
+        assert np.abs(np.diff(recording["command.velocity"].values[:, 0])).max() <= A * DT + 1e-12
         assert not any("HOLD" in text for text in noted.notices)
 
 
@@ -302,9 +302,12 @@ def test_C22_the_task_ten_times_ends_where_it_ended(skills):
     assert again == pytest.approx(ends[0], abs=1e-12)
 
 
-@pytest.mark.parametrize(("role", "ticks"), [("follower", 54_000), ("leader", 9_000), ("auto", 9_000)])
-def test_C22_idle_minutes_leave_nothing_behind(skills, role, ticks):
-    """Noise at rest where the task ends: 10 minutes following, 2.5 in the other roles. (The hour of the catalogue takes 40 s.)"""
+IDLE = 360_000 if kernels.native else 30_000  # an hour, where a tick is compiled
+
+
+@pytest.mark.parametrize(("role", "ticks"), [("follower", IDLE), ("leader", IDLE), ("auto", 9_000)])
+def test_C22_an_idle_hour_leaves_nothing_behind(skills, role, ticks):
+    """Noise at rest where the task ends. (A robot told nothing weighs the evidence in Python: a minute and a half.)"""
     skill, obs, command = skill_of(skills, role), Observation(1), Command(1)
     noise = 0.1 * np.random.default_rng(0).standard_normal(1000)
     end = float(skills["leader"].ends.mean())

@@ -125,6 +125,12 @@ def test_a_wall_stands_where_it_was_met_and_again_after_a_reset():
     assert forces(wall, [1.0, 1.5], at=0.3, speed=0.1) == pytest.approx([9.0 - 20.0] * 2)
 
 
+@pytest.mark.parametrize("times", [(1.0, 1.2), (2.0, 1.0)])
+def test_partners_who_take_over_too_soon_after_each_other_are_refused(times):
+    with pytest.raises(ParameterError, match=r"must be in order, 0\.3 s apart or more"):
+        Switches(Pulls(0.0), [(time, lambda *_: Pulls(1.0)) for time in times])
+
+
 def test_a_change_of_partners_is_no_jump_of_force():
     people = [Pulls(0.0), Pulls(10.0), Pulls(-5.0)]
     seen = []

@@ -18,6 +18,8 @@ from ..demonstration import demonstrations
 from ..devices.link import Network
 from ..errors import ComanipWarning, ParameterError
 from ..formats import write
+from ..formats.live import LiveFile
+from ..interfaces import Tap
 from ..learned import LearnedSkill
 from ..learned import learn as learn_skill
 from ..loop import SimulatedClock, WallClock, run
@@ -107,8 +109,10 @@ def reproduce(
     skills = {path: skill_file.load(path) for path in paths}
     learned, path = skills[paths[0]], paths[0]
     clock = WallClock() if realtime else SimulatedClock()
+    # a run on the wall clock is on real time, and cannot be had again: it reaches the disk as it goes
+    live = [LiveFile(out.with_suffix(".live.mcap"))] if realtime and out is not None else []
     if force_from is not None:
-        recording, result = _replayed(learned, force_from, law, role, data, clock)
+        recording, result = _replayed(learned, force_from, law, role, data, clock, live)
     else:
         acting = role or learned.role
         if learned.axes != ("z",):
@@ -124,7 +128,7 @@ def reproduce(
             skill = make_skill(learned, axes=learned.axes, dt=dt, law=law, role=acting)
         start = float(np.mean(learned.workspace @ [0.75, 0.25]))  # where the lessons started: W is their range, half wider
         about = {"seed": seed, "law": law or learned.law}
-        recording = run_case(case, skill, plant=plant, dt=dt, start_m=start, clock=clock, metadata=about)
+        recording = run_case(case, skill, plant=plant, dt=dt, start_m=start, clock=clock, taps=live, metadata=about)
         verdict = judge(case, recording, start_m=start, taught_ends_m=learned.ends)
         result = {"role": acting, "success": verdict.success, **verdict._asdict()}
     named = ", ".join(str(one) for one in paths)
@@ -133,6 +137,8 @@ def reproduce(
         result["notice"] = notice
     if out is not None:
         write(recording, out)
+        for file in live:
+            file.discard()
         result["recording"] = str(out)
     if plot is not None:
         from ..evaluation import figures
@@ -148,14 +154,16 @@ def reproduce(
 
 
 def _replayed(
-    learned: LearnedSkill, source: Path, law: str | None, role: str | None, data: DataFlags, clock: Any
+    learned: LearnedSkill, source: Path, law: str | None, role: str | None, data: DataFlags, clock: Any, taps: Sequence[Tap]
 ) -> tuple[Recording, dict[str, Any]]:
     """The paper's Fig. 7 way: recorded force as input. Says how the skill responds, nothing about collaboration."""
     lesson = read_lessons([source], data)[0]
     plant = ReplayPlant(lesson.force, dt=lesson.dt, start_position=lesson.position[0], axes=learned.axes)
     # nobody is there to be protected, and nobody answers: the envelope would only end the replay
     skill = make_skill(learned, axes=learned.axes, dt=lesson.dt, law=law, role=role, envelope=False, gives_way=False)
-    recording = run(plant, skill, duration_s=len(lesson) * lesson.dt, clock=clock, metadata={"force_from": str(source)})
+    recording = run(
+        plant, skill, duration_s=len(lesson) * lesson.dt, clock=clock, taps=taps, metadata={"force_from": str(source)}
+    )
     apart = recording["hand.position"].values - lesson.position
     return recording, {
         "force_from": str(source),

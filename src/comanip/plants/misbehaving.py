@@ -6,9 +6,11 @@ Each wraps or joins partners that are `Partner`s themselves, so any model of a p
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
+from ..errors import ParameterError
 from ..interfaces import Array, Partner
 
 NextPartner = Callable[[Array, Array], Partner]  # who takes over, given where it all began and where it is now, (d,) [m]
@@ -64,6 +66,9 @@ class Switches:
     """
 
     def __init__(self, first: Partner, later: Sequence[tuple[float, NextPartner]], blend_s: float = 0.3) -> None:
+        times = [time for time, _ in later]
+        if any(after - before < blend_s for before, after in pairwise(times)):
+            raise ParameterError(f"partners who take over must be in order, {blend_s:g} s apart or more; got {times} s")
         self._first, self._later, self._blend = first, list(later), blend_s
 
     def reset(self, position: Array) -> None:

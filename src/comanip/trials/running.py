@@ -11,7 +11,7 @@ import numpy as np
 from ..engine import each
 from ..errors import ParameterError
 from ..interaction import TaringInteractionForce, gravity_along
-from ..interfaces import Partner, Plant, Skill
+from ..interfaces import Partner, Plant, Skill, Tap
 from ..learned import LearnedSkill
 from ..loop import Clock, run
 from ..plants.beam import Beam, BeamPlant, WristSensor
@@ -35,6 +35,7 @@ def run_case(
     dt: float = 0.01,
     start_m: float = START_M,
     clock: Clock | None = None,
+    taps: Sequence[Tap] = (),
     metadata: Mapping[str, Any] | None = None,
     partner: MakePartner = partner_of,
 ) -> Recording:
@@ -51,7 +52,7 @@ def run_case(
     )
     about = {"role": case.role, "partner": asdict(case), "load_mass_kg": case.beam_mass_kg, "plant": plant, **(metadata or {})}
     about |= {"stated": stated} if (stated := stated_by(person)) else {}
-    return run(world, skill, duration_s=case.run_s, estimator=estimator, clock=clock, metadata=about)
+    return run(world, skill, duration_s=case.run_s, estimator=estimator, clock=clock, taps=taps, metadata=about)
 
 
 def _plant(name: str, person: Partner, case: Case, dt: float, start_m: float, rng: np.random.Generator) -> Plant:
