@@ -132,6 +132,22 @@ def test_C5_a_few_dropped_samples_are_coasted_over(dropped):
     assert bench.held == ""
 
 
+def test_C5_on_a_dropped_sample_the_skill_is_not_asked():
+    bench, asked = moving(), []
+    bench.skill.trick = lambda command: asked.append(bench.time) or command.velocity.fill(0.2)
+    bench.ticks(3, sample=False)
+    assert asked == []
+    bench.tick()
+    assert len(asked) == 1
+
+
+def test_the_first_tick_is_of_the_observation_that_it_began_with():
+    bench = Bench()
+    bench.skill.velocity[:] = 0.05
+    bench.envelope.step(bench.obs, bench.command)  # as the loop does: reset and step see the same sample
+    assert bench.command.velocity[0] == 0.05
+
+
 def test_C5_more_are_a_hold_and_energy_is_booked_at_its_worst():
     bench = moving()
     tank = bench.envelope.diagnostics["tank"][0]
@@ -300,7 +316,7 @@ def test_C11_who_pulls_down_has_not_let_go(kind):
 
 def test_C11_a_wall_that_pushes_by_turns_more_and_less_has_not_let_go():
     bench = weighed()
-    forces = [-1.2 * WEIGHT + 5.0 * np.cos(2 * np.pi * 3.0 * n * DT) for n in range(100)]
+    forces = [-WEIGHT - 2.5 + 5.2 * np.cos(2 * np.pi * 3.0 * n * DT) for n in range(100)]
     for n, force in enumerate(forces):
         bench.tick(0.01, force, sensor_force=force - WEIGHT + 1e-3 * (n % 3))
     assert "let go" not in bench.held

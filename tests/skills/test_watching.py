@@ -104,8 +104,9 @@ def test_who_pulls_down_by_and_by_holds():
 
 
 def test_a_wall_that_answers_the_hand_holds():
-    forces = -1.2 * WEIGHT + 5.0 * np.cos(2.0 * np.pi * 3.0 * np.arange(200) * DT)
+    forces = -WEIGHT - 2.5 + 5.2 * np.cos(2.0 * np.pi * 3.0 * np.arange(200) * DT)
     assert not let_go(forces, speed=0.03)
+    assert let_go(forces, speed=0.3)  # a hand that moves so fast is at no wall
 
 
 @pytest.mark.parametrize("hz", [3.0, 8.0])
