@@ -67,8 +67,8 @@ DEFECTS = [
     ("re-arm in motion", "if measured > self.limits.rest_m_per_s or fastest", "if False and fastest"),
     ("re-arm with a fault", "return problem or self._begin(obs)", "return self._begin(obs) and ''"),
     ("re-arm keeps the ledger", "self._at, self._v, self._force = list(position)", "self._at, self._v, self._force = [0.0] * d"),
-    ("comply without damping", "[f / limits.comply_damping_ns_per_m for f", "[f for f"),
-    ("comply pushes back", "[f / limits.comply_damping_ns_per_m for f", "[-f / limits.comply_damping_ns_per_m for f"),
+    ("comply without damping", "self._asked = [f / b for", "self._asked = [f for"),
+    ("comply pushes back", "self._asked = [f / b for", "self._asked = [-f / b for"),
     ("fade up at once", "period / self.limits.fade_s)", "1.0)"),
     ("doubt of NaN is trust", "if isfinite(trust) else 0.0", "if isfinite(trust) else 1.0"),
     (

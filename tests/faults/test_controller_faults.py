@@ -363,7 +363,7 @@ def test_C13_against_a_pushing_partner_the_tank_bounds_the_way():
     assert 30.0 * (bench.hand[0] - 0.5) <= 1.0 + 1e-9
     assert "energy budget used up" in bench.envelope.notice
     pushed = Bench()
-    pushed.ticks(30, 0.1, -30.0)
+    pushed.ticks(200, 0.1, -30.0)
     assert pushed.envelope.notice == "COMPLY: blocked"
     assert pushed.command.velocity[0] == pytest.approx(-30.0 / ROOM.comply_damping_ns_per_m)
 

@@ -9,7 +9,8 @@ One rule for walls and energy, per axis: never move at a speed from which you ca
     v_k    = clip(clip(wanted, -down, up), v_(k-1) - a e, v_(k-1) + a e)
 
 RUN      the skill's command
-COMPLY   v = F / b, dissipative: on doubt about the situation (fades back), when blocked or let go (until re-armed)
+COMPLY   v = F / b, dissipative: on doubt about the situation (fades back), when blocked or let go (until re-armed); the harder
+         it is shaken, the larger b
 HOLD     brakes at a_max to 0 and stays stiff; the first reason is kept until the user re-arms
 
 Good engineering, not a certified safety function; what it promises and what not: docs/safety.md.
@@ -328,6 +329,8 @@ class Envelope:
         self._book(period, late)
         if self._state == RUN and fresh:
             self._look(period)
+        elif self._state == COMPLY and fresh:
+            self._shaking.step(max(self._force, key=abs), period)
         if self._state == RUN:
             self._think(obs, period, fresh)
         self._send(command, period, fresh, late)
@@ -534,7 +537,8 @@ class Envelope:
         limits, velocity = self.limits, []
         self._asked = self._wanted
         if self._state == COMPLY:
-            self._asked = [f / limits.comply_damping_ns_per_m for f in self._force]
+            b = limits.comply_damping_ns_per_m * max(self._shaking.amplitude / limits.shake_n, 1.0)  # harder where it is shaken
+            self._asked = [f / b for f in self._force]
         change = limits.a_max_m_per_s2 * period
         for i, old in enumerate(self._v):
             if self._state == HOLD:
