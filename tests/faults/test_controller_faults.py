@@ -301,6 +301,19 @@ def test_C11_an_object_that_swings_on_the_wrist_is_let_go_all_the_same():
     assert bench.held == "let go: the hand carries the whole object"
 
 
+@pytest.mark.parametrize(
+    ("after", "said"), [(-WEIGHT, "HOLD: let go: the hand carries the whole object"), (0.0, "COMPLY: blocked")]
+)
+def test_C11_a_hand_that_stands_gives_way_first_and_then_knows_a_wall_from_an_end_that_is_free(after, said):
+    bench, complied = weighed(), 0
+    for n in range(100):
+        complied += bench.envelope.mode == "COMPLY"
+        force = -WEIGHT if complied < 10 else after  # the wall is left behind within 0.1 s
+        bench.tick(0.01, force, sensor_force=force - WEIGHT + 1e-3 * (n % 3))
+    assert bench.envelope.notice == said
+    assert complied >= 25
+
+
 @pytest.mark.parametrize("kind", ["slowly", "for a moment", "harder"])
 def test_C11_who_pulls_down_has_not_let_go(kind):
     """The whole weight, but by and by; or at once, but for 0.15 s; or more than the whole."""

@@ -30,7 +30,7 @@ typedef struct {
 
 #define ABSURD 1e6
 #define WEIGHED_TICKS 25
-#define SWING_S 0.1
+#define SWING_S 0.1 /* and SLOW_SWING_S is most_pulls */
 #define QUIET_S 0.5
 #define GRAVITY 9.80665
 
@@ -96,6 +96,8 @@ static int follows(const Envelope *e, Ledger *l) {
 /* LetGo.step with `pull` as its newest; `mean` is that of the last ones when there are enough, and then `measured`. */
 static int partner_holds(const Envelope *e, Ledger *l, double speed, const double *pull, double *mean, int *measured) {
     const Limits *limits = &e->limits;
+    const int swing = (int)most(nearbyint(SWING_S / e->limits.dt), 1.0);
+    Axes slow;
     const int d = e->d, n = (int)l->n_pulls, full = n == e->most_pulls;
     const double load = length(l->weight, d);
     int alone = 0;
@@ -106,16 +108,18 @@ static int partner_holds(const Envelope *e, Ledger *l, double speed, const doubl
         const double *earlier = e->before + ((int)l->n_before - back) * d;
         double lost = 0.0, changed = 0.0;
         for (int i = 0; i < d; i++) {
-            double sum = 0.0;
-            for (int row = full; row < n; row++) sum += e->pulls[row * d + i];
-            mean[i] = (sum + pull[i]) / e->most_pulls;
+            double sum = 0.0, all = 0.0;
+            for (int row = n - swing + 1; row < n; row++) sum += e->pulls[row * d + i];
+            for (int row = full; row < n; row++) all += e->pulls[row * d + i];
+            mean[i] = (sum + pull[i]) / swing;
+            slow[i] = (all + pull[i]) / e->most_pulls;
             const double before = l->n_before == 0.0 || e->most_before == 1 ? mean[i] : first[i];
             lost += (before - mean[i]) * (before - mean[i]);
             changed += back ? (earlier[i] - mean[i]) * (earlier[i] - mean[i]) : 0.0;
         }
         l->since_s = sqrt(lost) > 0.5 * load ? 0.0 : l->since_s + l->period;
-        const int free = speed > limits->stands || sqrt(changed) < SWING_S / 2.0 * limits->steady_n_s;
-        alone = length(mean, d) < limits->alone_n && free && (l->for_s > 0.0 || l->since_s < 4.0 * limits->sudden_s);
+        const int moves = speed > limits->stands, steady = sqrt(changed) < SWING_S / 2.0 * limits->steady_n_s;
+        alone = ((length(mean, d) < limits->alone_n && (moves || steady)) || (length(slow, d) < limits->alone_n && moves)) && (l->for_s > 0.0 || l->since_s < 4.0 * limits->sudden_s);
     }
     l->for_s = alone ? l->for_s + l->period : 0.0;
     return !(l->for_s > limits->alone_s);

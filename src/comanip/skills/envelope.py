@@ -34,6 +34,7 @@ from .watching import Jump, LetGo, Shaking, dot, length
 
 RUN, COMPLY, HOLD = 0, 1, 2
 NAMES = ("RUN", "COMPLY", "HOLD")
+GONE = "let go: the hand carries the whole object"
 ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
 
 
@@ -64,6 +65,7 @@ class Limits:
     sudden_s: float = 0.15  # within this his pull is gone: who pulls down harder and harder has not let go
     steady_n_s: float = 45.0  # and nothing answers the hand's motion, as a wall does, against which the hand stands:
     stands_m_per_s: float = 0.06
+    feel_s: float = 0.25  # a hand that stands gives way so long first: a wall lets it, and is then no more felt
     let_go_n: float = 0.3  # less than this is nobody, where the object weighs nothing along the axes
     let_go_s: float = 0.4
     held_n: float = 2.0  # more than this, in this motion, was somebody
@@ -241,7 +243,7 @@ class Envelope:
         self._raw, self._same_s = [inf] * d, [0.0] * d
         self._energy = [self.limits.energy_j] * d
         self._blocked_ns = self._impact_s = self._alone_s = self._rest_s = self._felt = 0.0
-        self._held = False
+        self._held, self._feels_s = False, 0.0
         self._ticks, self._at_first, self._rate = 0, 0.0, [0.0] * d
         limits = self.limits
         self._let_go = LetGo(
@@ -330,7 +332,7 @@ class Envelope:
         if self._state == RUN and fresh:
             self._look(period)
         elif self._state == COMPLY and fresh:
-            self._shaking.step(max(self._force, key=abs), period)
+            self._feel(period)
         if self._state == RUN:
             self._think(obs, period, fresh)
         self._send(command, period, fresh, late)
@@ -446,7 +448,11 @@ class Envelope:
         limits = self.limits
         speed, size = length(self._v), length(self._force)
         if self._let_go.step(speed, period):
-            self._fault("let go: the hand carries the whole object")
+            if speed > limits.stands_m_per_s:
+                self._fault(GONE)
+            else:  # or it presses on a wall with just that force
+                self._comply(GONE)
+                self._feels_s = limits.feel_s
         against = -dot(self._force, self._v) / max(speed, 1e-6)
         self._blocked_ns = self._blocked_ns + against * period if against > limits.blocked_n else 0.0
         if self._blocked_ns > limits.blocked_n * limits.blocked_s:
@@ -465,6 +471,17 @@ class Envelope:
             self._at_first += (signed - self._at_first) / self._ticks
         self._rest_s = self._rest_s + period if speed < 0.05 else 0.0
         self._felt += min(period, 1.0) * (signed - self._felt)
+
+    def _feel(self, period: float) -> None:
+        """Complying; after a moment of it a wall is left behind, and an object that nobody holds is not."""
+        self._shaking.step(max(self._force, key=abs), period)
+        if self._feels_s <= 0.0:
+            return
+        self._feels_s -= period
+        if self._feels_s <= 0.0 and self._let_go.nobody_pulls():
+            self._fault(GONE)
+        elif self._feels_s <= 0.0:
+            self._reason = "blocked"
 
     def _think(self, obs: Observation, period: float, fresh: bool) -> None:
         """The skill's wish, faded by confidence; on an old sample the last one."""

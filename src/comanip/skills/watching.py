@@ -6,13 +6,16 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import exp, isfinite, pi, sqrt
 
 from ..interfaces import STANDARD_GRAVITY
 
 WEIGHED_TICKS = 25
-SWING_S = 0.1  # an object that is let go swings on the wrist at about 10 Hz: the mean of one swing is its weight
+SWING_S, SLOW_SWING_S = (
+    0.1,
+    0.16,
+)  # an object that is let go swings on the wrist at 6 to 10 Hz: the mean of one swing is its weight
 QUIET_S = 0.5  # over which a force's ordinary change from sample to sample is known
 SAME = (0.7, 1.3)  # a zero that moved stays where it is: so much of the jump is still there afterwards
 
@@ -31,6 +34,10 @@ def length(a: Sequence[float]) -> float:
 
 def apart(a: Sequence[float], b: Sequence[float]) -> float:
     return length([x - y for x, y in zip(a, b, strict=True)])
+
+
+def _mean(rows: Iterable[Sequence[float]]) -> list[float]:
+    return [dot(values, [1.0] * len(values)) / len(values) for values in zip(*rows, strict=True)]
 
 
 class LetGo:
@@ -64,7 +71,8 @@ class LetGo:
         self._stands_m_s = stands_m_s
         self._most_apart_n, self._apart = SWING_S / 2.0 * steady_n_s, max(round(SWING_S / 2.0 / dt), 1)
         self.weight, self._weighed = [0.0] * n_axes, 0
-        self._pulls: deque[list[float]] = deque(maxlen=max(round(SWING_S / dt), 1))
+        self._swing = max(round(SWING_S / dt), 1)
+        self._pulls: deque[list[float]] = deque(maxlen=max(round(SLOW_SWING_S / dt), 1))
         self._before: deque[list[float]] = deque(maxlen=max(round(sudden_s / dt), 1))
         self._for_s, self._since_s = 0.0, float("inf")
 
@@ -82,15 +90,20 @@ class LetGo:
         load = length(self.weight)
         alone = False
         if load > self._least_n and len(self._pulls) == self._pulls.maxlen:
-            pull = [dot(values, [1.0] * len(values)) / len(values) for values in zip(*self._pulls, strict=True)]
+            pull, slow = _mean([*self._pulls][-self._swing :]), _mean(self._pulls)
             self._before.append(pull)
             self._since_s = 0.0 if apart(self._before[0], pull) > 0.5 * load else self._since_s + period
             earlier = self._before[-1 - min(self._apart, len(self._before) - 1)]
-            free = speed > self._stands_m_s or apart(earlier, pull) < self._most_apart_n
+            moves, steady = speed > self._stands_m_s, apart(earlier, pull) < self._most_apart_n
             sudden = self._for_s > 0.0 or self._since_s < 4.0 * self._sudden_s
-            alone = length(pull) < self._alone_n and free and sudden
+            nobody = length(pull) < self._alone_n and (moves or steady)
+            alone = sudden and (nobody or (length(slow) < self._alone_n and moves))
         self._for_s = self._for_s + period if alone else 0.0
         return self._for_s > self._alone_s
+
+    def nobody_pulls(self) -> bool:
+        """Of late, whatever came before: less than half of what a partner carries."""
+        return length(_mean(self._pulls)) < 0.5 * length(self.weight)
 
 
 class Jump:
