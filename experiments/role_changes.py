@@ -31,7 +31,6 @@ from comanip.plants.misbehaving import Switches
 from comanip.plants.partners import HumanFollower, HumanLeader
 from comanip.reproduction import make_auto
 from comanip.skills.envelope import Limits
-from comanip.skills.roles import RolePolicy
 from comanip.teaching import teach
 from comanip.trials.judging import FORCE_CUTOFF_HZ
 
@@ -154,7 +153,7 @@ def claims(found: Numbers) -> list[Claim]:
         at_most(
             "offers to lead after that",
             offers_after(found, INSISTS_S),
-            RolePolicy().offers,
+            1,
             refuted_by="a robot that asks for ever",
         ),
         at_most(

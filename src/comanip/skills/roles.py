@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from math import inf, isfinite, sqrt
+from math import isfinite, sqrt
 
 import numpy as np
 
@@ -136,7 +136,6 @@ class RolePolicy:
     probe_m: float = 0.05  # and is meant from here on: who gives way so far does not hold on to his place
     probe_s: float = 0.6  # in so long a push moves something,
     progress_m: float = 0.004  # this much at least, or it is answered
-    offers: int = 2  # at one place
     held_m_per_s: float = 0.01  # leading, but slower than this against a pull: he holds
     held_s: float = 0.6
     insist_n: float = 3.0  # resistance that is more than the other's inertia ...
@@ -224,7 +223,7 @@ class RoleSkill:
         delay = self._pace.law.start_delay_s
         self._pace.start(-delay if self._told_to_lead else 0.0, self._position)
         self._state, self._moved = (LEADS if self._told_to_lead else FOLLOWS), False
-        self._gives, self._answers = False, 0
+        self._gives = False
         self._place: Array | None = None  # where an offer was begun, or answered
         self._gave_way = self._put_back = False
         self._rest_s = self._against_s = self._held_s = self._reached = self._push = 0.0
@@ -300,12 +299,9 @@ class RoleSkill:
         if self._rest_s > 0.0 and not self._moved:  # nobody means what is felt before anybody has moved
             self._bias += self._dt / BIAS_S * self._pull
         patience = policy.midway_patience_s if self._moved else policy.start_patience_s
-        if self._place is not None and _length(x - self._place) <= policy.probe_m:
-            patience = patience if self._answers < policy.offers else inf  # he kept this place when asked
+        he_kept_it = self._place is not None and _length(x - self._place) <= policy.probe_m  # when asked: asked no more
         unfinished = float((self._end - x) @ self._way) > policy.finished_m
-        if self._rest_s >= patience and unfinished and not self._he_put_it_back(x):
-            if self._place is None or _length(x - self._place) > policy.probe_m:
-                self._answers = 0
+        if self._rest_s >= patience and unfinished and not he_kept_it and not self._he_put_it_back(x):
             self._place = x.copy()
             self._reached = self._push = self._meant = self._held_s = 0.0
             self._gives = False
@@ -336,7 +332,6 @@ class RoleSkill:
             self._reached, self._rest_s = far, policy.blend_s
         if self._answered(stands, policy.probe_s) or stuck or along > policy.ahead_n:
             self._place = x.copy()
-            self._answers += 1
             self._begin(FOLLOWS)
 
     def _give_way_if_he_insists(self, x: Array) -> None:

@@ -99,7 +99,7 @@ class Case:
         """How long the run lasts [s]."""
         if self.behaviour == "changes role" and self.leads and self.role == "auto":
             return self.stop_s + 10.0  # the robot has to notice and to finish the task
-        # a robot that may lead might take a partner's end for a hand-over, and offers twice: watched until that is over
+        # a robot that may lead might take a partner's end for a hand-over, and offers: watched until that is over
         insists = self.behaviour in ("reverses", "changes role")
         after = self.stop_s + (2.5 if self.role == "follower" else 14.0 if insists else 8.0)
         if self.leads:
