@@ -138,6 +138,7 @@ class RolePolicy:
     progress_m: float = 0.004  # this much at least, or it is answered
     held_m_per_s: float = 0.01  # leading, but slower than this against a pull: he holds
     held_s: float = 0.6
+    offers_at_start: int = 2  # who was not ready is asked again; anywhere else, who keeps his place is asked once
     insist_n: float = 3.0  # resistance that is more than the other's inertia ...
     insist_ns_per_m: float = 40.0  # ... and damping is a will of his own
     ahead_n: float = 3.0  # pull in the direction of motion: he wants to lead
@@ -223,7 +224,7 @@ class RoleSkill:
         delay = self._pace.law.start_delay_s
         self._pace.start(-delay if self._told_to_lead else 0.0, self._position)
         self._state, self._moved = (LEADS if self._told_to_lead else FOLLOWS), False
-        self._gives = False
+        self._gives, self._answers = False, 0
         self._place: Array | None = None  # where an offer was begun, or answered
         self._gave_way = self._put_back = False
         self._rest_s = self._against_s = self._held_s = self._reached = self._push = 0.0
@@ -299,9 +300,11 @@ class RoleSkill:
         if self._rest_s > 0.0 and not self._moved:  # nobody means what is felt before anybody has moved
             self._bias += self._dt / BIAS_S * self._pull
         patience = policy.midway_patience_s if self._moved else policy.start_patience_s
-        he_kept_it = self._place is not None and _length(x - self._place) <= policy.probe_m  # when asked: asked no more
+        if self._place is not None and _length(x - self._place) > policy.probe_m:
+            self._answers, self._place = 0, None
+        offers = policy.offers_at_start if _length(x - self._start) <= policy.probe_m else 1
         unfinished = float((self._end - x) @ self._way) > policy.finished_m
-        if self._rest_s >= patience and unfinished and not he_kept_it and not self._he_put_it_back(x):
+        if self._rest_s >= patience and unfinished and self._answers < offers and not self._he_put_it_back(x):
             self._place = x.copy()
             self._reached = self._push = self._meant = self._held_s = 0.0
             self._gives = False
@@ -332,6 +335,7 @@ class RoleSkill:
             self._reached, self._rest_s = far, policy.blend_s
         if self._answered(stands, policy.probe_s) or stuck or along > policy.ahead_n:
             self._place = x.copy()
+            self._answers += 1
             self._begin(FOLLOWS)
 
     def _give_way_if_he_insists(self, x: Array) -> None:
@@ -343,7 +347,7 @@ class RoleSkill:
         held = under_way and speed < policy.held_m_per_s and _length(self._pull) > policy.resting_n
         self._held_s = max(self._held_s + (self._dt if held else -self._dt), 0.0)
         if self._answered(pushed or along > policy.ahead_n, policy.insist_s) or self._held_s >= policy.held_s:
-            self._place, self._gave_way = None, True
+            self._place, self._answers, self._gave_way = None, 0, True
             self._begin(FOLLOWS)
 
     def _answered(self, against: bool, after_s: float) -> bool:

@@ -96,6 +96,7 @@ class LetGo:
             earlier = self._before[-1 - min(self._apart, len(self._before) - 1)]
             moves, steady = speed > self._stands_m_s, apart(earlier, pull) < self._most_apart_n
             sudden = self._for_s > 0.0 or self._since_s < 4.0 * self._sudden_s
+            # on a softer wrist only the longer mean shows the weight; there a wall would show it too, so the hand must move
             nobody = length(pull) < self._alone_n and (moves or steady)
             alone = sudden and (nobody or (length(slow) < self._alone_n and moves))
         self._for_s = self._for_s + period if alone else 0.0
