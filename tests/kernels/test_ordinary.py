@@ -172,6 +172,26 @@ def test_for_ever_the_same(d, seed):
     pair.everything()
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_near_letting_go_it_is_the_same_too(seed):
+    """Ends that are free and swing, walls that push by turns, hands that stand or move: `for_s` and `since_s` at every tick."""
+    rng = np.random.default_rng(seed)
+    weight, speed = -9.8, rng.choice([0.01, 0.05, 0.1])
+    hz, swing, offset = rng.choice([2.0, 3.0, 6.5, 10.0]), rng.choice([1.0, 2.5, 5.0]), rng.choice([-2.5, -1.0, 0.0])
+    pair = Pair(1, 0.01, Limits(), 0.3)
+    for n in range(200):
+        pair.obs.time, pair.obs.position[:], pair.obs.velocity[:] = n * 0.01, pair.hand, pair.commands[0].velocity
+        gone = weight + offset + swing * np.cos(2.0 * np.pi * hz * n * 0.01)
+        pair.obs.force[:] = gone if n > 70 else 0.0
+        pair.obs.sensor_force[:] = weight + pair.obs.force + 1e-3 * rng.normal()
+        for envelope in pair.envelopes:
+            envelope.skill.velocity[:] = speed if n > 35 else 0.0
+        pair.tick((seed, n))
+        pair.hand += pair.commands[0].velocity * 0.01
+        if n % 7 == 0:
+            pair.everything()
+
+
 @pytest.mark.parametrize("towards", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("stricter", "rule"),
