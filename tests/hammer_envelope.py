@@ -151,5 +151,6 @@ def hammer(ticks: int, generations: int, seed: int) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    count, seed = (*map(int, sys.argv[1:]), *(1_000_000, 0)[len(sys.argv) - 1 :])
+    words = [int(word) for word in sys.argv[1:]]
+    count, seed = words + [1_000_000, 0][len(words) :]
     print(hammer(count, 250, seed))

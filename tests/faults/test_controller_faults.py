@@ -350,6 +350,29 @@ def test_C12_an_impact_may_pass_the_force_limit_while_it_gives_way_and_no_longer
     assert before.held == "force 61 N > 60 N"  # nothing was blocked yet: a spike, not an impact
 
 
+def test_C12_after_an_impact_it_does_not_start_again_under_more_than_the_limit():
+    bench = moving(0.4, 0.0)
+    for force in (-25.0, -40.0, -100.0, -100.0):
+        bench.tick(0.4, force)
+    assert bench.envelope.notice == "COMPLY: blocked"
+    bench.obs.velocity[:] = 0.0
+    bench.envelope._v = [0.0]
+    assert bench.envelope.rearm(bench.obs) == "force 100 N > 60 N"
+    bench.envelope.reset(bench.obs)
+    assert bench.held == "force 100 N > 60 N"
+
+
+@pytest.mark.parametrize("absurd", [1e308, -1e308, 1e9, np.inf])
+def test_C11_a_reading_beyond_reason_is_neither_weighed_nor_remembered(absurd):
+    bench = Bench(start=0.2)
+    for n in range(60):
+        bench.tick(0.0, 0.0, sensor_force=absurd if n in (3, 4, 20) else -WEIGHT + 1e-3 * (n % 3))
+    assert bench.envelope._let_go.weight == pytest.approx([-WEIGHT], abs=0.05)
+    for n in range(10):
+        bench.tick(0.0, 0.0, sensor_force=-WEIGHT + 4.0 + 1e-3 * (n % 3))
+    assert bench.held.startswith("force jumped 4.0 N at rest")
+
+
 def test_C12_a_blocking_partner_meets_a_bounded_force_then_compliance():
     bench = moving(0.05, 0.0)
     wall, forces = bench.hand[0] + 0.001, []

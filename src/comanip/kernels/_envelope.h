@@ -145,10 +145,11 @@ static int unremarkable(const Envelope *e, Ledger *l) {
 }
 
 /* All that comes before the skill. */
-static int sense(Envelope *e, double t, const double *x, const double *f, const double *velocity, const double *sensed) {
+static int sense(Envelope *e, double t, const double *x, const double *f, const double *velocity, const double *raw) {
     const int d = e->d;
     Ledger next = *e->now;
-    Axes pull, mean;
+    Axes pull, mean, sensed;
+    for (int i = 0; i < d; i++) sensed[i] = fabs(raw[i]) < ABSURD ? raw[i] : NAN;
     int measured, weighed = next.weighed >= WEIGHED_TICKS;
     if (!timely(e, &next, t)) return 0;
     for (int i = 0; i < d; i++)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import astuple, dataclass, replace
-from math import copysign, exp, isfinite, pi, sqrt
+from math import copysign, exp, isfinite, pi
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ from ..models.filtering import ForwardFilter
 from ..models.gmm import Gmm
 from ..models.hmm import Hmm
 from .reference import PhaseReference
+from .vectors import dot, length
 
 ROLES = ("leader", "follower")
 
@@ -158,8 +159,8 @@ class Pace:
         moving = 0.0 <= s < reference.duration_s
         target = reference.floats_at("position", s) if s >= 0.0 else self._start.tolist()
         velocity = reference.floats_at("velocity", s) if moving else [0.0] * len(target)
-        speed = sqrt(_dot(velocity, velocity))
-        along = _dot(force.tolist(), velocity) / speed if speed > 1e-6 else 0.0
+        speed = length(velocity)
+        along = dot(force.tolist(), velocity) / speed if speed > 1e-6 else 0.0
         excess = min(along + law.comfortable_n, 0.0)
         resistance += min(self._dt / law.patience_s, 1.0) * (excess - resistance)
         rate = max(1.0 + law.yield_gain_per_n * resistance, law.slowest_clock) if moving else 1.0
@@ -174,8 +175,8 @@ class Pace:
 
     def _bound(self, error: list[float]) -> float:
         """The attractor never asks for more than the taught top speed, however far away it starts."""
-        length = sqrt(_dot(error, error)) * self.law.attraction_per_s
-        return min(1.0, self.top_speed / length) if length > 1e-9 else 1.0
+        asked = length(error) * self.law.attraction_per_s
+        return min(1.0, self.top_speed / asked) if asked > 1e-9 else 1.0
 
 
 class Watch:
@@ -303,13 +304,13 @@ class CollaborativeSkill:
         s = reference.closest(taught, float(self._phase[0]))
         self._rate[0] = (s - float(self._phase[0])) / self._dt
         self._phase[0] = s
-        speed = sqrt(_dot(velocity, velocity))
+        speed = length(velocity)
         if speed < 0.02:
             return self._nothing
         now = reference.floats_at("velocity", s)
-        usual = max(sqrt(_dot(now, now)), 0.03)
+        usual = max(length(now), 0.03)
         ahead = reference.floats_at("velocity", s + law.anticipation_s * min(speed / usual, 2.0))
-        along = _dot(force.tolist(), [v / speed for v in velocity])
+        along = dot(force.tolist(), [v / speed for v in velocity])
         agreement = min(max((along + 1.0) / 2.0, 0.0), 1.0)  # a partner who brakes switches it off
         agreement *= min(speed / law.moving_speed_m_per_s, 1.0)
         scale = min(speed / usual, 1.5)
@@ -370,13 +371,6 @@ def command_velocity(law: CollaborativeLaw, dt: float, x: Array, wanted: Array, 
 
 def _largest(values: list[float]) -> float:
     return max(map(abs, values))
-
-
-def _dot(a: list[float], b: list[float]) -> float:
-    total = 0.0  # not sum(), which compensates since Python 3.12: the compiled tick does not
-    for x, y in zip(a, b, strict=True):
-        total += x * y
-    return total
 
 
 def _finite(values: Array) -> bool:

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import copysign, inf, isfinite, sqrt
+from math import copysign, inf, isfinite, nan, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,7 +30,8 @@ from ..errors import ParameterError
 from ..interfaces import Array, Command, Observation, Skill
 from .checker import Checker
 from .ordinary import LENT, MOST_AXES, Ordinary
-from .watching import Jump, LetGo, Shaking, dot, length
+from .vectors import dot, length
+from .watching import Jump, LetGo, Shaking
 
 RUN, COMPLY, HOLD = 0, 1, 2
 NAMES = ("RUN", "COMPLY", "HOLD")
@@ -270,14 +271,13 @@ class Envelope:
                 return "position not finite"
             if not low <= x <= high:
                 return f"{max(low - x, x - high):.2g} m outside the workspace"
-            if problem := self._wrong(f, v):
+            if problem := self._wrong(f, v, self.limits.force_limit_n):
                 return problem
         return ""
 
-    def _wrong(self, force: float, velocity: float) -> str:
+    def _wrong(self, force: float, velocity: float, limit: float) -> str:
         if not abs(force) < ABSURD:
             return "force not finite"
-        limit = self.limits.force_limit_n if self._impact_s <= 0.0 else self.limits.impact_n
         if abs(force) > limit:
             return f"force {abs(force):.0f} N > {limit:g} N"
         if abs(velocity) > 10.0 * self.limits.v_max_m_per_s:  # NaN is a velocity nobody measures, and allowed
@@ -394,7 +394,8 @@ class Envelope:
     def _sense(self, obs: Observation, period: float) -> None:
         limits, d = self.limits, self._d
         position, force = obs.position.tolist(), obs.force.tolist()
-        velocity, raw = obs.velocity.tolist(), obs.sensor_force.tolist()
+        velocity = obs.velocity.tolist()
+        raw = [f if abs(f) < ABSURD else nan for f in obs.sensor_force.tolist()]
         self._known = False
         if not len(position) == len(force) == len(velocity) == len(raw) == d:
             self._fault(f"sensors: shapes are not ({d},)")
@@ -409,7 +410,7 @@ class Envelope:
                 if jump > limits.position_jump_m + 2.0 * limits.v_max_m_per_s * self._elapsed:
                     self._fault(f"position jump {jump:.2g} m")
                 self._at[i] = x
-            problem = self._wrong(f, velocity[i])
+            problem = self._wrong(f, velocity[i], limits.force_limit_n if self._impact_s <= 0.0 else limits.impact_n)
             if problem:
                 self._fault(problem)
                 good = False

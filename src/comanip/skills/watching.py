@@ -7,33 +7,16 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from math import exp, isfinite, pi, sqrt
+from math import exp, isfinite, pi
 
 from ..interfaces import STANDARD_GRAVITY
+from .vectors import apart, dot, length
 
 WEIGHED_TICKS = 25
-SWING_S, SLOW_SWING_S = (
-    0.1,
-    0.16,
-)  # an object that is let go swings on the wrist at 6 to 10 Hz: the mean of one swing is its weight
+SWING_S = 0.1  # an object that is let go swings on the wrist, at 10 Hz: the mean of one swing is its weight;
+SLOW_SWING_S = 0.16  # on a softer wrist at 6 Hz
 QUIET_S = 0.5  # over which a force's ordinary change from sample to sample is known
 SAME = (0.7, 1.3)  # a zero that moved stays where it is: so much of the jump is still there afterwards
-
-
-def dot(a: Sequence[float], b: Sequence[float]) -> float:
-    """In plain order: sum() compensates since Python 3.12, and the compiled tick adds as here."""
-    total = 0.0
-    for x, y in zip(a, b, strict=True):
-        total += x * y
-    return total
-
-
-def length(a: Sequence[float]) -> float:
-    return sqrt(dot(a, a))
-
-
-def apart(a: Sequence[float], b: Sequence[float]) -> float:
-    return length([x - y for x, y in zip(a, b, strict=True)])
 
 
 def _mean(rows: Iterable[Sequence[float]]) -> list[float]:
