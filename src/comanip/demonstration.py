@@ -31,7 +31,7 @@ from .filters import MAX_CUTOFF, differentiate, integrate, smooth
 from .interaction import Payload, gravity_along, interaction_force
 from .interfaces import Array
 from .lessons import check_set, missing, require
-from .recording import Channel, Recording, expand, frozen
+from .recording import Channel, Passed, Recording, expand, frozen
 
 __all__ = ["Demonstration", "Preparation", "check_set", "demonstration", "demonstrations", "require"]
 
@@ -40,7 +40,7 @@ _KIND = {"position": "position", "velocity": "velocity", "force": "force", "sens
 
 
 @dataclass(frozen=True, eq=False)
-class Demonstration:
+class Demonstration(Passed):
     """One lesson: signals of T frames at one rate, read-only.
 
     dt        [s] between frames

@@ -18,7 +18,7 @@ from .models.clock import learn_clock
 from .models.gmm import Gmm
 from .models.hmm import Hmm, fit_hmm
 from .models.stability import stability, warnings_of
-from .recording import frozen
+from .recording import Passed, frozen
 
 LAWS = ("default", "paper")
 STATES = {"default": 10, "paper": 5}  # 5 is the paper's; 10 predicts better on every set that was tried (docs/results.md)
@@ -27,7 +27,7 @@ ALLOWED_DT_S = (0.0002, 0.05)
 
 
 @dataclass(frozen=True, eq=False)
-class LearnedSkill:
+class LearnedSkill(Passed):
     """What was learned, with everything needed to run it or to refuse to.
 
     model       Hmm over "position.*", "force.*", "velocity.*" (no force: learned without it)
@@ -61,11 +61,6 @@ class LearnedSkill:
         object.__setattr__(self, "ends", frozen(self.ends))
         for name in ("settings", "units", "provenance"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        names = tuple(self.__dataclass_fields__)  # read-only mappings do not pickle
-        values = (getattr(self, n) for n in names)
-        return LearnedSkill, tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in values)
 
     @property
     def has_force(self) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -58,8 +58,18 @@ class Channel:
         object.__setattr__(self, "axes", axes)
 
 
+class Passed:
+    """A frozen value that goes to other processes as its fields: read-only mappings do not pickle."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        values = (getattr(self, name) for name in self.__dataclass_fields__)
+        return type(self), tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in values)
+
+
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(Passed):
     """Channels by name, and metadata that survives as JSON (role, operator, seed, provenance ...)."""
 
     channels: Mapping[str, Channel]

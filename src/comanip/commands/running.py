@@ -18,6 +18,7 @@ from ..demonstration import demonstrations
 from ..devices.link import Network
 from ..errors import ComanipWarning, ParameterError
 from ..formats import write
+from ..formats.background import writing
 from ..formats.live import LiveFile
 from ..interfaces import Tap
 from ..learned import LearnedSkill
@@ -61,9 +62,9 @@ def teach(
     out.mkdir(parents=True, exist_ok=True)
 
     def keep(number: int, recording: Recording) -> None:
-        write(recording.with_metadata(seed=seed, plant=plant, dyad=dyad), files[number])
+        store(recording.with_metadata(seed=seed, plant=plant, dyad=dyad), files[number])
 
-    with progress(f"lessons as {role}") as report:
+    with writing() as store, progress(f"lessons as {role}") as report:
         recordings = record_lessons(
             role,
             lessons,

@@ -1,0 +1,41 @@
+"""Recordings that are stored while the next one is being made: encoding a lesson takes about as long as simulating half of it."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+
+from ..errors import RecordingError
+from ..recording import Recording
+from . import write
+
+
+@contextmanager
+def writing() -> Iterator[Callable[[Recording, Path], None]]:
+    """Gives `formats.write` that returns at once; another process does it. All is on disk when the block ends.
+
+    At most two recordings wait, so a crash loses no more. RecordingError for one that could not be stored comes with a later call
+    or at the end. Control-C leaves the block after what was handed over is stored.
+    """
+    waiting: list[tuple[Path, Future[None]]] = []
+
+    def settle(most: int) -> None:
+        while len(waiting) > most:
+            path, stored = waiting.pop(0)
+            try:
+                stored.result()
+            except BrokenProcessPool:
+                raise RecordingError(f"{path}: the process that stores recordings died; out of memory?") from None
+
+    def store(recording: Recording, path: Path) -> None:
+        settle(1)
+        waiting.append((path, other.submit(write, recording, path)))
+
+    with ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as other:
+        yield store
+        settle(0)
