@@ -1,6 +1,7 @@
 """Recordings that another process stores: the same bytes, nothing lost, errors said."""
 
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,10 +17,16 @@ def recording(n: int) -> Recording:
     return Recording({"hand.position": Channel(time, np.sin(time + n)[:, None], "m", "task", ("z",))}, {"lesson": n})
 
 
-def test_all_is_stored_byte_for_byte_as_without(tmp_path):
+def keep(files: list[Path], *, interrupted: bool = False) -> None:
     with writing() as store:
-        for n in range(4):
-            store(recording(n), tmp_path / f"{n}.mcap")
+        for n, file in enumerate(files):
+            store(recording(n), file)
+        if interrupted:
+            raise KeyboardInterrupt
+
+
+def test_all_is_stored_byte_for_byte_as_without(tmp_path):
+    keep([tmp_path / f"{n}.mcap" for n in range(4)])
     for n in range(4):
         write(recording(n), tmp_path / "direct.mcap")
         assert (tmp_path / f"{n}.mcap").read_bytes() == (tmp_path / "direct.mcap").read_bytes()
@@ -27,18 +34,15 @@ def test_all_is_stored_byte_for_byte_as_without(tmp_path):
 
 @pytest.mark.parametrize("last", [0, 2])
 def test_what_could_not_be_stored_is_said_with_its_file_and_the_others_are_kept(tmp_path, last):
-    with pytest.raises(RecordingError, match=r"absent.+bad\.mcap"), writing() as store:
-        store(recording(0), tmp_path / "good.mcap")
-        store(recording(1), tmp_path / "absent" / "bad.mcap")
-        for n in range(last):
-            store(recording(n), tmp_path / f"{n}.mcap")
+    files = ["good.mcap", "absent/bad.mcap", *(f"{n}.mcap" for n in range(last))]
+    with pytest.raises(RecordingError, match=r"absent.+bad\.mcap"):
+        keep([tmp_path / name for name in files])
     assert (tmp_path / "good.mcap").exists()
 
 
 def test_what_was_handed_over_is_stored_when_the_work_is_interrupted(tmp_path):
-    with pytest.raises(KeyboardInterrupt), writing() as store:
-        store(recording(0), tmp_path / "a.mcap")
-        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        keep([tmp_path / "a.mcap"], interrupted=True)
     assert (tmp_path / "a.mcap").exists()
 
 
