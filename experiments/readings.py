@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+import inspect
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -17,10 +19,11 @@ READING = PaperLaw(weight_channels=("position",), target_position="predicted", g
 
 
 def script(run: Callable[..., Sequence[Claim]]) -> None:
-    """`python experiments/figure_N.py [folder]`: draws there and prints the claims."""
-    import sys
-
-    out = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("out/figures")
+    """`python -m comanip.experiments.figure_N [folder]`: draws there and prints the claims."""
+    text, plain = inspect.getdoc(inspect.getmodule(run)), argparse.RawTextHelpFormatter
+    about = argparse.ArgumentParser(description=text, formatter_class=plain)
+    about.add_argument("folder", nargs="?", type=Path, default=Path("out/figures"), help="where to draw (default: out/figures)")
+    out = about.parse_args().folder
     for claim in run(out, seed=0):
         print(f"{'pass' if claim.passed else 'FAIL'}  {claim.text}: {claim.measured:.4g} ({claim.bound})")
     print(f"pictures in {out}")
