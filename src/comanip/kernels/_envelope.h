@@ -28,7 +28,6 @@ typedef struct {
     double *tank;
 } Envelope;
 
-#define ABSURD 1e6
 #define WEIGHED_TICKS 25
 #define SWING_S 0.1 /* and SLOW_SWING_S is most_pulls */
 #define QUIET_S 0.5

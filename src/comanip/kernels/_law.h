@@ -10,23 +10,39 @@ typedef struct { /* CollaborativeLaw, in the order of its fields */
         lead_s;
 } Numbers;
 
-typedef struct { double insist_n, insist_ns_per_m, ahead_n, insist_s, held_m_per_s, resting_n; } Insistence; /* of RolePolicy */
+typedef struct { /* of RolePolicy: roles.SHARED */
+    double insist_n, insist_ns_per_m, ahead_n, insist_s, held_m_per_s, resting_n, resting_m_per_s, start_patience_s, midway_patience_s,
+        finished_m;
+} Policy;
+
+typedef struct { /* RoleEvidence */
+    int n;
+    Tick **filters;
+    const double *prior, *centre, *spread, *numbers;
+    double *p, *probabilities, *until;
+    double *seen, *said; /* room for one tick */
+} Bank;
+
+enum { BANK_DT, BANK_CHANGE, BANK_MEMORY, BANK_GATE, STRENGTHS = 4 }; /* roles.GAINS */
 
 typedef struct {
     int d, rows;
-    double dt, model_dt, step_s, duration_s, top_speed, pull_share, keep_slow, keep_shake;
-    Numbers law;
-    Insistence insists;
+    double dt, model_dt, step_s, duration_s, top_speed, pull_share, bias_share, keep_shake;
+    Numbers law, following;
+    Policy policy;
+    Bank bank;
+    const double *task; /* RoleSkill._task: where lessons end, and the direction */
     const double *path, *velocity_table, *force_table; /* PhaseReference, (rows, d) each */
     double *compliance, *slow, *shake, *went_on;       /* Compliance.memory */
     double *expected, *wanted, *hold, *clock;          /* Pace.memory; clock: phase, rate, resistance */
-    double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock; /* of the skill */
+    double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock, *rest_s, *moved; /* of the skill */
     double *until, *seen;                              /* of Watch */
     Tick *filter;
     const Level *level;
 } Law;
 
 enum { PHASE, RATE, RESISTANCE };
+#define ABSURD 1e6 /* no robot is so far away, so fast or so strong, in any unit */
 
 static double least(double a, double b) { return b < a ? b : a; }
 static double most(double a, double b) { return b > a ? b : a; }
@@ -127,13 +143,13 @@ static void anticipate(Law *l, const double *x, const double *force, double *for
 }
 
 /* Compliance.step */
-static void comply(Law *l, const double *excess, const double *reference, const double *feedforward) {
-    const Numbers *law = &l->law;
+static void comply(Law *l, const Numbers *law, const double *excess, const double *reference, const double *feedforward) {
     const int d = l->d;
+    const double keep_slow = 1.0 - exp(-2.0 * PI * law->shake_hz * l->dt);
     const double speed = most(largest(l->compliance, d), largest(reference, d)), rest = 1.0 - least(speed / law->moving_speed, 1.0);
     double damping = law->moving_damping + rest * rest * (law->resting_damping - law->moving_damping), fast = 0.0;
     for (int i = 0; i < d; i++) {
-        l->slow[i] += l->keep_slow * (excess[i] - l->slow[i]);
+        l->slow[i] += keep_slow * (excess[i] - l->slow[i]);
         fast = most(fast, fabs(excess[i] - l->slow[i]));
     }
     *l->shake += l->keep_shake * (fast - *l->shake);
@@ -148,8 +164,8 @@ static void comply(Law *l, const double *excess, const double *reference, const 
 }
 
 /* command_velocity; `out` is position, velocity, acceleration. */
-static void send(Law *l, const double *x, const double *reference, double *const out[3]) {
-    const double limit = l->law.max_acceleration * l->dt, lead = l->law.lead_s / l->dt;
+static void send(Law *l, const Numbers *law, const double *x, const double *reference, double *const out[3]) {
+    const double limit = law->max_acceleration * l->dt, lead = law->lead_s / l->dt;
     for (int i = 0; i < l->d; i++) {
         const double change = within(reference[i] + l->compliance[i] - l->velocity[i], -limit, limit), v = l->velocity[i] + change;
         l->velocity[i] = v;
@@ -180,29 +196,75 @@ static int follow(Law *l, const double *x, const double *force, double *const ou
     memcpy(l->position, x, sizeof(double) * l->d);
     if (anticipates) anticipate(l, x, force, foreseen);
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->shown_expected[i];
-    comply(l, excess, nothing, foreseen);
-    send(l, x, nothing, out);
+    comply(l, &l->law, excess, nothing, foreseen);
+    send(l, &l->law, x, nothing, out);
     return 1;
 }
 
-static int lead(Law *l, const double *x, const double *felt, const double *force, double *const out[3]) {
+/* CollaborativeSkill._lead, and what follows it */
+static void lead_there(Law *l, const double *x, const double *force, double *const out[3]) {
     const double nothing[MOST_AXES] = {0};
     double excess[MOST_AXES];
-    if (!watch(l, x, felt)) return 0;
     memcpy(l->position, x, sizeof(double) * l->d);
     pace(l, x, force);
     memcpy(l->shown_clock, l->clock, sizeof(double) * 2);
     memcpy(l->shown_expected, l->expected, sizeof(double) * l->d);
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->expected[i];
-    comply(l, excess, l->wanted, nothing);
-    send(l, x, l->wanted, out);
+    comply(l, &l->law, excess, l->wanted, nothing);
+    send(l, &l->law, x, l->wanted, out);
+}
+
+static int lead(Law *l, const double *x, const double *force, double *const out[3]) {
+    if (!watch(l, x, force)) return 0;
+    lead_there(l, x, force, out);
+    return 1;
+}
+
+/* RoleEvidence.step. Its filters, with a floor under every transition, leave nothing that is finite to their twins. */
+static void hear(Law *l, const double *x, const double *felt) {
+    Bank *b = &l->bank;
+    const int d = l->d;
+    const double change = b->numbers[BANK_CHANGE];
+    double neither = 0.0, total = 0.0;
+    *b->until -= l->dt;
+    if (*b->until > 1e-9) return;
+    *b->until += b->numbers[BANK_DT];
+    for (int i = 0; i < d; i++) b->seen[i] = x[i], b->seen[d + i] = felt[i] - l->bias[i], b->seen[2 * d + i] = l->velocity[i];
+    for (int i = 0; i < 3 * d; i++) {
+        const double off = (b->seen[i] - b->centre[i]) / b->spread[i];
+        neither -= 0.5 * off * off + log(2.5066 * b->spread[i]);
+    }
+    double best = b->said[b->n] = neither;
+    for (int i = 0; i < b->n; i++) {
+        l->level->tick(b->filters[i], b->seen);
+        best = most(best, b->said[i] = b->filters[i]->state[LAST_LOG_LIKELIHOOD]);
+    }
+    for (int i = 0; i <= b->n; i++) {
+        const double told = most(b->said[i] - best, -b->numbers[BANK_GATE]) * b->numbers[BANK_MEMORY];
+        b->p[i] = ((1.0 - change) * b->p[i] + change * b->prior[i]) * exp(told);
+        total += b->p[i];
+    }
+    for (int i = 0; i <= b->n; i++) b->p[i] /= total;
+    for (int i = 0; i <= b->n; i += STRENGTHS) {
+        double role = 0.0;
+        for (int j = i; j < i + STRENGTHS && j <= b->n; j++) role += b->p[j];
+        b->probabilities[i / STRENGTHS] = role;
+    }
+}
+
+/* Watch and RoleEvidence; 0, with neither done, for what must count as missing. */
+static int attend(Law *l, const double *x, const double *felt) {
+    for (int i = 0; i < l->d && l->bank.n; i++)
+        if (!(fabs(x[i]) < ABSURD && fabs(felt[i] - l->bias[i]) < ABSURD)) return 0;
+    if (!watch(l, x, felt)) return 0;
+    if (l->bank.n) hear(l, x, felt);
     return 1;
 }
 
 /* RoleSkill.step while it leads, means it, and nothing speaks against that: what `_give_way_if_he_insists` would begin to count is
  * left to it. */
 static int lead_on(Law *l, const double *x, const double *felt, double *const out[3]) {
-    const Insistence *than = &l->insists;
+    const Policy *than = &l->policy;
     const int d = l->d;
     double force[MOST_AXES], pull[MOST_AXES];
     for (int i = 0; i < d; i++) {
@@ -212,8 +274,38 @@ static int lead_on(Law *l, const double *x, const double *felt, double *const ou
     const double along = dot(pull, l->wanted, d) / most(length(l->wanted, d), 1e-3), speed = length(l->velocity, d);
     if (-along > than->insist_n + than->insist_ns_per_m * speed || along > than->ahead_n) return 0;
     if (l->clock[PHASE] > than->insist_s && speed < than->held_m_per_s && length(pull, d) > than->resting_n) return 0;
-    if (!lead(l, x, felt, force, out)) return 0;
+    if (!attend(l, x, felt)) return 0;
+    lead_there(l, x, force, out);
     memcpy(l->pull, pull, sizeof(double) * d);
     memcpy(l->reference, l->wanted, sizeof(double) * d);
+    return 1;
+}
+
+/* RoleSkill.step while it follows, and it is too early to ask whether anybody leads. */
+static int follow_on(Law *l, const double *x, const double *felt, double *const out[3]) {
+    const Policy *policy = &l->policy;
+    const double nothing[MOST_AXES] = {0};
+    const int d = l->d;
+    double force[MOST_AXES], pull[MOST_AXES], way[MOST_AXES];
+    for (int i = 0; i < d; i++) {
+        force[i] = felt[i] - l->bias[i];
+        pull[i] = l->pull[i] + l->pull_share * (force[i] - l->pull[i]);
+        way[i] = x[i] - l->start[i];
+    }
+    const int resting = length(l->velocity, d) < policy->resting_m_per_s && length(pull, d) < policy->resting_n;
+    const int moved = *l->moved != 0.0 || length(way, d) > 0.02;
+    const double rest_s = resting ? *l->rest_s + l->dt : 0.0;
+    for (int i = 0; i < d; i++) way[i] = l->task[i] - x[i];
+    const int patient = rest_s < (moved ? policy->midway_patience_s : policy->start_patience_s);
+    if (!(patient || dot(way, l->task + d, d) <= policy->finished_m) || !attend(l, x, felt)) return 0;
+    memcpy(l->position, x, sizeof(double) * d);
+    memcpy(l->pull, pull, sizeof(double) * d);
+    *l->rest_s = rest_s, *l->moved = moved;
+    for (int i = 0; i < d; i++) {
+        if (resting && !moved) l->bias[i] += l->bias_share * pull[i];
+        force[i] -= l->shown_expected[i];
+    }
+    comply(l, &l->following, force, nothing, nothing);
+    send(l, &l->following, x, nothing, out);
     return 1;
 }

@@ -198,7 +198,7 @@ static int get(Array *array, PyObject *object, int writable, Py_ssize_t count, P
     return 0;
 }
 
-enum { MOST_ARRAYS = 20 };
+enum { MOST_ARRAYS = 24 };
 typedef struct { Array at[MOST_ARRAYS]; int n; } Arrays;
 
 static void *take(Arrays *arrays, PyObject *object, int writable, Py_ssize_t count, Py_ssize_t size, const char *name) {
@@ -776,19 +776,52 @@ typedef struct {
     PyObject_HEAD
     Law law;
     Arrays arrays;
-    PyObject *filter;
+    PyObject *filter, *bank;
     Array slots[LAW_SLOTS];
 } Laws;
 
 static PyTypeObject *filter_type;
 
+/* (filters, prior, centre, spread, numbers, p, probabilities, until) of roles.RoleEvidence, which hears `width` channels */
+static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch) {
+    PyObject *filters, *prior, *centre, *spread, *numbers, *p, *probabilities, *until;
+    Bank *b = &self->law.bank;
+    if (!PyArg_ParseTuple(bank, "OOOOOOOO", &filters, &prior, &centre, &spread, &numbers, &p, &probabilities, &until)) return -1;
+    const Py_ssize_t n = PyTuple_Size(filters);
+    if (PyErr_Occurred()) return -1;
+    for (Py_ssize_t i = 0; i < n; i++) {
+        const Filter *one = (Filter *)PyTuple_GetItem(filters, i);
+        if (Py_TYPE((PyObject *)one) != filter_type || one->tick.D != width || one->level != watch->level) {
+            PyErr_SetString(PyExc_ValueError, "a bank is of filters that hear the same channels");
+            return -1;
+        }
+    }
+#define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
+    b->prior = TAKE(prior, 0, n + 1), b->centre = TAKE(centre, 0, width), b->spread = TAKE(spread, 0, width);
+    b->numbers = TAKE(numbers, 0, BANK_GATE + 1), b->p = TAKE(p, 1, n + 1), b->until = TAKE(until, 1, 1);
+    b->probabilities = TAKE(probabilities, 1, n / STRENGTHS + 1);
+#undef TAKE
+    if (PyErr_Occurred()) return -1;
+    self->bank = Py_NewRef(bank);
+    b->filters = malloc(n * sizeof *b->filters);
+    b->seen = malloc((width + n + 1) * sizeof *b->seen);
+    if (!b->filters || !b->seen) {
+        PyErr_NoMemory();
+        return -1;
+    }
+    b->said = b->seen + width;
+    for (Py_ssize_t i = 0; i < n; i++) b->filters[i] = &((Filter *)PyTuple_GetItem(filters, i))->tick;
+    b->n = (int)n;
+    return 0;
+}
+
 static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-    PyObject *filter, *numbers, *insistence, *path, *velocity, *force, *compliance, *pace_memory, *memory, *until, *seen;
-    double dt, model_dt, step_s, top_speed, pull_s;
+    PyObject *filter, *numbers, *following, *policy, *task, *path, *velocity, *force, *compliance, *pace_memory, *memory, *until, *seen, *bank;
+    double dt, model_dt, step_s, top_speed, pull_s, bias_s;
     int d;
     (void)keywords;
-    if (!PyArg_ParseTuple(args, "O!OOOOOOOOOOiddddd", filter_type, &filter, &numbers, &insistence, &path, &velocity, &force,
-                          &compliance, &pace_memory, &memory, &until, &seen, &d, &dt, &model_dt, &step_s, &top_speed, &pull_s))
+    if (!PyArg_ParseTuple(args, "O!OOOOOOOOOOOOiddddddO", filter_type, &filter, &numbers, &following, &policy, &task, &path, &velocity, &force,
+                          &compliance, &pace_memory, &memory, &until, &seen, &d, &dt, &model_dt, &step_s, &top_speed, &pull_s, &bias_s, &bank))
         return NULL;
     const int D = ((Filter *)filter)->tick.D;
     const Py_ssize_t rows = d > 0 ? count_of(path) / d : 0;
@@ -800,25 +833,28 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     Law *l = &self->law;
     *l = (Law){.d = d, .rows = (int)rows, .dt = dt, .model_dt = model_dt, .step_s = step_s, .top_speed = top_speed};
 #define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
-    const double *given = TAKE(numbers, 0, sizeof(Numbers) / 8), *insists = TAKE(insistence, 0, sizeof(Insistence) / 8);
+    const double *given = TAKE(numbers, 0, sizeof(Numbers) / 8), *followed = TAKE(following, 0, sizeof(Numbers) / 8);
+    const double *conduct = TAKE(policy, 0, sizeof(Policy) / 8);
+    l->task = TAKE(task, 0, 2 * d);
     l->path = TAKE(path, 0, rows * d);
     l->velocity_table = TAKE(velocity, 0, rows * d);
     l->force_table = TAKE(force, 0, rows * d);
     double *of_compliance = TAKE(compliance, 1, 2 * d + 2), *of_pace = TAKE(pace_memory, 1, 3 * d + 3);
-    double *of_skill = TAKE(memory, 1, 7 * d + 2);
+    double *of_skill = TAKE(memory, 1, 7 * d + 4);
     l->until = TAKE(until, 1, 1);
     l->seen = TAKE(seen, 1, D);
 #undef TAKE
-    if (PyErr_Occurred()) {
+    if (PyErr_Occurred() || (bank != Py_None && take_bank(self, bank, 3 * d, (Filter *)filter) < 0)) {
         Py_DecRef((PyObject *)self);
         return NULL;
     }
     memcpy(&l->law, given, sizeof(Numbers));
-    memcpy(&l->insists, insists, sizeof(Insistence));
+    memcpy(&l->following, followed, sizeof(Numbers));
+    memcpy(&l->policy, conduct, sizeof(Policy));
     l->duration_s = step_s * (double)(rows - 1);
-    l->keep_slow = 1.0 - exp(-2.0 * PI * l->law.shake_hz * dt);
     l->keep_shake = least(dt / 0.3, 1.0);
     l->pull_share = least(dt / pull_s, 1.0);
+    l->bias_share = dt / bias_s;
     l->compliance = of_compliance, l->slow = of_compliance + d, l->shake = of_compliance + 2 * d, l->went_on = l->shake + 1;
     double **const paces[] = {&l->expected, &l->wanted, &l->hold, &l->clock};
     double **const skills[] = {
@@ -826,6 +862,7 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     };
     for (int i = 0; i < 4; i++) *paces[i] = of_pace + i * d;
     for (int i = 0; i < 8; i++) *skills[i] = of_skill + i * d;
+    l->rest_s = l->shown_clock + 2, l->moved = l->rest_s + 1;
     self->filter = Py_NewRef(filter);
     l->filter = &((Filter *)filter)->tick;
     l->level = ((Filter *)filter)->level;
@@ -837,7 +874,10 @@ static void law_dealloc(PyObject *object) {
     PyTypeObject *type = Py_TYPE(object);
     for (int i = 0; i < LAW_SLOTS; i++) PyBuffer_Release(&self->slots[i].view);
     release(&self->arrays);
+    free(self->law.bank.filters);
+    free(self->law.bank.seen);
     Py_XDECREF(self->filter);
+    Py_XDECREF(self->bank);
     freefunc release_object = (freefunc)PyType_GetSlot(type, Py_tp_free);
     release_object(object);
     Py_DecRef((PyObject *)type);
@@ -863,8 +903,9 @@ static int law_takes(Laws *self, PyObject *const *args, Py_ssize_t n, const doub
     }
 LAW_METHOD(comply, follow(l, x, force, out, 0))
 LAW_METHOD(follow, follow(l, x, force, out, 1))
-LAW_METHOD(lead, lead(l, x, force, force, out))
+LAW_METHOD(lead, lead(l, x, force, out))
 LAW_METHOD(lead_on, lead_on(l, x, force, out))
+LAW_METHOD(follow_on, follow_on(l, x, force, out))
 
 enum { FELT = 0, WISH = 4, SENT = WISH + 3, ENVELOPE_SLOTS = SENT + 3 }; /* FELT: position, force, velocity, sensor_force */
 
@@ -1006,6 +1047,7 @@ static PyMethodDef law_methods[] = {
     LAW_ENTRY(follow, "One tick of a follower."),
     LAW_ENTRY(lead, "One tick of a leader."),
     LAW_ENTRY(lead_on, "One tick of a leader who may give way."),
+    LAW_ENTRY(follow_on, "One tick of a follower who may take over."),
     {NULL, NULL, 0, NULL},
 };
 static PyType_Slot law_slots[] = {{Py_tp_new, law_new}, {Py_tp_dealloc, law_dealloc}, {Py_tp_methods, law_methods}, {0, NULL}};

@@ -16,7 +16,7 @@ feedback through the partner; see docs/laws.md. At rest the damping rises and a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
 from math import copysign, exp, isfinite, pi
 from typing import Any
@@ -240,8 +240,8 @@ class CollaborativeSkill:
         self._compliance = Compliance(d, dt)
         self._pace = Pace(self.reference, self.law, dt)
         self._memory = memory(d)
-        self._expected, self._velocity, self._position, self._start, *_ = self._memory[:-2].reshape(-1, d)
-        self._phase, self._rate = self._memory[-2:].reshape(2, 1)
+        self._expected, self._velocity, self._position, self._start, *_ = self._memory[: 7 * d].reshape(7, d)
+        self._phase, self._rate, *_ = self._memory[7 * d :].reshape(4, 1)
         self._compiled = compiled(self._watch, self._pace, self._compliance, self._memory, dt)
         self._tick: Callable[..., bool] | None = None
 
@@ -320,11 +320,12 @@ class CollaborativeSkill:
 
 
 def memory(n_axes: int) -> Array:
-    """What a skill of this law remembers, as kernels/_law.h shares it: seven vectors and two numbers.
+    """What a skill of this law remembers, as kernels/_law.h shares it: seven vectors and four numbers.
 
-    Expected force, commanded velocity, position, start; where roles change reference, pull, bias; then phase and clock rate.
+    Expected force, commanded velocity, position, start; where roles change reference, pull, bias; then phase and clock rate; and
+    where roles change for how long it has rested [s], and whether anybody has moved.
     """
-    return np.zeros(7 * n_axes + 2)
+    return np.zeros(7 * n_axes + 4)
 
 
 def compiled(
@@ -334,20 +335,25 @@ def compiled(
     memory: Array,
     dt: float,
     *,
-    insistence: Array = np.zeros(6),
+    following: CollaborativeLaw | None = None,
+    policy: Sequence[float] = (0.0,) * 10,
+    task: Array | None = None,
     pull_s: float = 1.0,
+    bias_s: float = 1.0,
+    bank: Any = None,
 ) -> Any:
     """The tick of a skill made of these parts, in C and over their arrays; None where nothing could be compiled.
 
-    insistence, pull_s   of a skill that may give way, see `skills.roles`
+    following, policy, task, pull_s, bias_s, bank   of a skill that changes its role, see `skills.roles`
     """
     d, table = pace.reference.position.shape[1], pace.reference
     if watch.filter.compiled is None or d > 6 or len(watch.seen) not in (d, 2 * d):
         return None
     return kernels.native.Law(
-        watch.filter.compiled, np.array(astuple(pace.law)), insistence, table.position, table.velocity, table.force,
-        compliance.memory, pace.memory, memory, watch.until, watch.seen,
-        d, dt, watch.model_dt, table.step_s, pace.top_speed, pull_s,
+        watch.filter.compiled, np.array(astuple(pace.law)), np.array(astuple(following or pace.law)), np.array(policy),
+        np.zeros(2 * d) if task is None else task,
+        table.position, table.velocity, table.force, compliance.memory, pace.memory, memory, watch.until, watch.seen,
+        d, dt, watch.model_dt, table.step_s, pace.top_speed, pull_s, bias_s, bank,
     )  # fmt: skip
 
 

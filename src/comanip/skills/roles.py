@@ -11,9 +11,9 @@ never a jump:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from math import isfinite, sqrt
+from math import exp, isfinite, log
 
 import numpy as np
 
@@ -23,12 +23,16 @@ from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
 from .collaborate import CollaborativeLaw, Compliance, Pace, Watch, command_velocity, compiled, memory, outside_taught
 from .reference import PhaseReference
+from .vectors import dot, length, plain_sum
 
 GAINS = (0.1, 0.2, 0.4, 0.8)  # how strong this partner is beside those of the lessons
 FOLLOWS, PROBES, LEADS = "follows", "offers to lead", "leads"
 BIAS_S = 1.5  # how fast a force at rest, before the first motion, is taken for the sensor's
 PULL_S = 0.08  # smoothing of the force that decisions are made on
-AGAINST = ("insist_n", "insist_ns_per_m", "ahead_n", "insist_s", "held_m_per_s", "resting_n")  # of RolePolicy, for kernels/_law.h
+SHARED = (  # of RolePolicy, with kernels/_law.h
+    "insist_n", "insist_ns_per_m", "ahead_n", "insist_s", "held_m_per_s", "resting_n", "resting_m_per_s", "start_patience_s",
+    "midway_patience_s", "finished_m",
+)  # fmt: skip
 GROUPS = ("position", "force", "velocity")
 ABSURD = 1e6  # no robot is so far away, so fast or so strong, in any unit: it counts as missing
 
@@ -70,12 +74,16 @@ class RoleEvidence:
         self._filters = [ForwardFilter(_heard(model, gain, noise), GROUPS) for model in models.values() for gain in GAINS]
         place = [order.index(c) for c in self._filters[0].channels]
         self._centre, self._spread = self._centre[place], self._spread[place]
-        self._share = np.repeat(np.eye(len(models)), len(GAINS), axis=0)  # filter -> role
         n = len(self._filters) + 1
         self._prior = np.full(n, 1.0 / (len(self.names) * len(GAINS)))
         self._prior[-1] = 1.0 / len(self.names)
-        self._p, self._log_l = self._prior.copy(), np.zeros(n)
+        self._p, self._until = self._prior.copy(), np.zeros(1)
         self.probabilities = np.zeros(len(self.names))
+        self.bank = None  # all of this for a compiled tick
+        if all(one.compiled is not None for one in self._filters):
+            numbers = np.array([dt, dt / doubts.switch_s, dt / doubts.memory_s, doubts.gate])
+            filters = tuple(one.compiled for one in self._filters)
+            self.bank = (filters, self._prior, self._centre, self._spread, numbers, self._p, self.probabilities, self._until)
         self.reset()
 
     def _noise(self, channels: tuple[str, ...], means: Array) -> Array:
@@ -88,32 +96,42 @@ class RoleEvidence:
         for one in self._filters:
             one.reset()
         self._p[:] = self._prior
-        self._until = 0.0
+        self._until[0] = 0.0
         self._tell()
 
     def step(self, seen: Array, elapsed_s: float) -> None:
         """Takes in position, force and velocity, (3 d,) in this order, NaN for missing; `elapsed_s` since the last call."""
-        self._until -= elapsed_s
-        if self._until > 1e-9:
+        self._until[0] -= elapsed_s
+        if self._until[0] > 1e-9:
             return
-        self._until += self._dt
+        self._until[0] += self._dt
         seen = np.where(np.abs(seen) < ABSURD, seen, np.nan)
-        for i, one in enumerate(self._filters):
+        for one in self._filters:
             one.step(seen)
-            self._log_l[i] = one.last_log_likelihood
-        off = (seen - self._centre) / self._spread
-        present = np.isfinite(off)
-        self._log_l[-1] = -0.5 * float(off[present] @ off[present]) - float(np.log(2.5066 * self._spread[present]).sum())
-        doubts = self._doubts
-        change = self._dt / doubts.switch_s
-        told = np.maximum(self._log_l - self._log_l.max(), -doubts.gate) * (self._dt / doubts.memory_s)
-        p = ((1.0 - change) * self._p + change * self._prior) * np.exp(told)
-        self._p[:] = p / p.sum()
+        said = [*(one.last_log_likelihood for one in self._filters), self._of_neither(seen.tolist())]
+        best, doubts = max(said), self._doubts
+        change, worth = self._dt / doubts.switch_s, self._dt / doubts.memory_s
+        p = [
+            ((1.0 - change) * p + change * prior) * exp(max(log_l - best, -doubts.gate) * worth)
+            for p, prior, log_l in zip(self._p.tolist(), self._prior.tolist(), said, strict=True)
+        ]
+        total = plain_sum(p)
+        self._p[:] = [one / total for one in p]
         self._tell()
 
+    def _of_neither(self, seen: list[float]) -> float:
+        """Log-density of the broad Gaussian, missing channels integrated out."""
+        log_density = 0.0
+        for x, centre, spread in zip(seen, self._centre.tolist(), self._spread.tolist(), strict=True):
+            if isfinite(x):
+                off = (x - centre) / spread
+                log_density -= 0.5 * off * off + log(2.5066 * spread)
+        return log_density
+
     def _tell(self) -> None:
-        self.probabilities[:-1] = self._p[:-1] @ self._share
-        self.probabilities[-1] = self._p[-1]
+        """A role's probability is that of all its strengths."""
+        p, n = self._p.tolist(), len(GAINS)
+        self.probabilities[:] = [plain_sum(p[i : i + n]) for i in range(0, len(p), n)]
 
 
 def _heard(model: Hmm, gain: float, noise: Array) -> Hmm:
@@ -177,23 +195,26 @@ class RoleSkill:
         self._watch, self._told_to_lead = watch, leads
         self.evidence, self.reference, self.policy = evidence, reference, policy
         self._dt, d = dt, len(axes)
-        self._end, way = ends.min(axis=0), reference.position[-1] - reference.position[0]
-        self._way = way / max(sqrt(way @ way), 1e-9)
+        way = reference.position[-1] - reference.position[0]
+        self._task = np.array([ends.min(axis=0), way / max(_length(way), 1e-9)])  # where lessons end, and the direction
+        self._end, self._way = self._task
         self._laws = [_between(following, leading, n / 50.0) for n in range(51)]
         # to who gives way, an offer must not be held up by what keeps a resting hand still
         self._offering = replace(leading, resting_damping_ns_per_m=leading.moving_damping_ns_per_m, dead_zone_n=0.0)
         self._pace = Pace(reference, leading, dt)
         self._compliance = Compliance(d, dt)
         self._memory = memory(d)
-        self._expected, self._velocity, self._position, self._start, *others = self._memory[:-2].reshape(-1, d)
+        self._expected, self._velocity, self._position, self._start, *others = self._memory[: 7 * d].reshape(7, d)
         self._reference, self._pull, self._bias = others
-        self._phase, self._rate = self._memory[-2:].reshape(2, 1)
+        self._phase, self._rate, self._rest_s, self._moved = self._memory[7 * d :].reshape(4, 1)
         self._nothing, self._seen, self._blend = np.zeros(d), np.zeros(3 * d), np.zeros(1)
         self._complies_only = False
         self._state = FOLLOWS
-        self._leads_on = False  # the compiled tick may go on; it says itself when something speaks against that
-        against = np.array([getattr(policy, name) for name in AGAINST])
-        self._compiled = compiled(watch, self._pace, self._compliance, self._memory, dt, insistence=against, pull_s=PULL_S)
+        self._compiled = compiled(
+            watch, self._pace, self._compliance, self._memory, dt, following=self._laws[0], task=self._task,
+            policy=[getattr(policy, name) for name in SHARED], pull_s=PULL_S, bias_s=BIAS_S, bank=evidence and evidence.bank,
+        )  # fmt: skip
+        self._go_on: Callable[..., bool] | None = None  # the compiled tick of a state; it says itself when that may change
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
@@ -223,31 +244,33 @@ class RoleSkill:
         self._compliance.reset()
         delay = self._pace.law.start_delay_s
         self._pace.start(-delay if self._told_to_lead else 0.0, self._position)
-        self._state, self._moved = (LEADS if self._told_to_lead else FOLLOWS), False
+        self._state = LEADS if self._told_to_lead else FOLLOWS
         self._gives, self._answers = False, 0
         self._place: Array | None = None  # where an offer was begun, or answered
         self._gave_way = self._put_back = False
-        self._rest_s = self._against_s = self._held_s = self._reached = self._push = 0.0
+        self._against_s = self._held_s = self._reached = self._push = 0.0
         self._outside = outside_taught(self.reference, self._position)
         self._complies_only = self._outside > self._laws[0].reach_m
         if self._complies_only:
             self._state = FOLLOWS
         self._meant = self._blend[0] = float(self._state == LEADS)
-        self._leads_on = self._may_lead_on()
+        self._go_on = self._plain()
 
     def step(self, obs: Observation, command: Command) -> None:
-        if self._leads_on and self._compiled.lead_on(
-            obs.position, obs.force, command.position, command.velocity, command.acceleration
-        ):
-            return
-        self._step(obs, command)
-        self._leads_on = self._may_lead_on()
+        go_on = self._go_on
+        if go_on is None or not go_on(obs.position, obs.force, command.position, command.velocity, command.acceleration):
+            self._step(obs, command)
+            self._go_on = self._plain()
 
-    def _may_lead_on(self) -> bool:
-        """It leads, means it, and nothing has begun to speak against that: a tick of the leader's law, which is compiled."""
-        if self._compiled is None or self.evidence is not None or self._state != LEADS:
-            return False
-        return self._meant >= 1.0 and self._blend[0] == 1.0 and self._against_s == self._held_s == 0.0
+    def _plain(self) -> Callable[..., bool] | None:
+        """The compiled tick where it does the same: wholly the leader or wholly the follower, and nothing is being asked."""
+        if self._compiled is None or self._complies_only:
+            return None
+        lead_on, follow_on = self._compiled.lead_on, self._compiled.follow_on
+        if self._state == LEADS:
+            sure = self._meant >= 1.0 and self._blend[0] == 1.0 and self._against_s == self._held_s == 0.0
+            return lead_on if sure else None
+        return follow_on if self._state == FOLLOWS and self._blend[0] == 0.0 and self._place is None else None
 
     def _step(self, obs: Observation, command: Command) -> None:
         x = obs.position if isfinite(obs.position.sum()) else np.where(np.isfinite(obs.position), obs.position, self._position)
@@ -295,16 +318,17 @@ class RoleSkill:
     def _take_over_if_nobody_leads(self, x: Array) -> None:
         policy = self.policy
         speed, pull = _length(self._velocity), _length(self._pull)
-        self._rest_s = self._rest_s + self._dt if speed < policy.resting_m_per_s and pull < policy.resting_n else 0.0
-        self._moved = self._moved or _length(x - self._start) > 0.02
-        if self._rest_s > 0.0 and not self._moved:  # nobody means what is felt before anybody has moved
+        resting = speed < policy.resting_m_per_s and pull < policy.resting_n
+        self._rest_s[0] = self._rest_s[0] + self._dt if resting else 0.0
+        self._moved[0] = self._moved[0] or _length(x - self._start) > 0.02
+        if resting and not self._moved[0]:  # nobody means what is felt before anybody has moved
             self._bias += self._dt / BIAS_S * self._pull
-        patience = policy.midway_patience_s if self._moved else policy.start_patience_s
+        patience = policy.midway_patience_s if self._moved[0] else policy.start_patience_s
         if self._place is not None and _length(x - self._place) > policy.probe_m:
             self._answers, self._place = 0, None
         offers = policy.offers_at_start if _length(x - self._start) <= policy.probe_m else 1
-        unfinished = float((self._end - x) @ self._way) > policy.finished_m
-        if self._rest_s >= patience and unfinished and self._answers < offers and not self._he_put_it_back(x):
+        unfinished = dot((self._end - x).tolist(), self._way.tolist()) > policy.finished_m
+        if self._rest_s[0] >= patience and unfinished and self._answers < offers and not self._he_put_it_back(x):
             self._place = x.copy()
             self._reached = self._push = self._meant = self._held_s = 0.0
             self._gives = False
@@ -328,11 +352,11 @@ class RoleSkill:
         stands = not self._gives and along < -0.5 * policy.probe_n
         if not stands:
             self._push = min(self._push + policy.probe_n * self._dt / policy.blend_s, policy.probe_n)
-        self._rest_s += self._dt
+        self._rest_s[0] += self._dt
         stuck = False
-        if self._rest_s >= policy.probe_s + policy.blend_s:
+        if self._rest_s[0] >= policy.probe_s + policy.blend_s:
             stuck = far - self._reached < policy.progress_m
-            self._reached, self._rest_s = far, policy.blend_s
+            self._reached, self._rest_s[0] = far, policy.blend_s
         if self._answered(stands, policy.probe_s) or stuck or along > policy.ahead_n:
             self._place = x.copy()
             self._answers += 1
@@ -355,11 +379,11 @@ class RoleSkill:
         return self._against_s >= after_s
 
     def _begin(self, state: str) -> None:
-        self._state, self._rest_s, self._against_s = state, 0.0, 0.0
+        self._state, self._rest_s[0], self._against_s = state, 0.0, 0.0
 
 
 def _length(vector: Array) -> float:
-    return sqrt(vector @ vector)
+    return length(vector.tolist())
 
 
 def _between(follow: CollaborativeLaw, lead: CollaborativeLaw, share: float) -> CollaborativeLaw:

@@ -6,6 +6,13 @@ from collections.abc import Sequence
 from math import sqrt
 
 
+def plain_sum(a: Sequence[float]) -> float:
+    total = 0.0
+    for x in a:
+        total += x
+    return total
+
+
 def dot(a: Sequence[float], b: Sequence[float]) -> float:
     total = 0.0
     for x, y in zip(a, b, strict=True):
