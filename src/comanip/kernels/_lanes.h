@@ -3,6 +3,7 @@
  *     W         float64 numbers in one vector
  *     NAME(x)   x with the instruction set's name behind it
  *     TARGET    __attribute__((target(...))), or nothing
+ *     LARGER    a > b ? a : b of two vectors in one instruction, where no compiler finds it by itself
  *
  * A `vec` holds one number for each of W lanes. Where there are many sequences, a lane is a sequence (several, one after another,
  * when they differ in length); where there is one, a lane is a frame for the densities and moments, and a state for the
@@ -18,16 +19,26 @@ typedef long long NAME(ivec) __attribute__((vector_size(8 * W)));
 #define INLINE TARGET static inline __attribute__((always_inline))
 #if W == 8
 #define EACH(at) (vec){at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7)}
+#define LOWER(a, b) __builtin_shufflevector(a, b, 0, 8, 1, 9, 2, 10, 3, 11)
+#define UPPER(a, b) __builtin_shufflevector(a, b, 4, 12, 5, 13, 6, 14, 7, 15)
 #elif W == 4
 #define EACH(at) (vec){at(0), at(1), at(2), at(3)}
+#define LOWER(a, b) __builtin_shufflevector(a, b, 0, 4, 1, 5)
+#define UPPER(a, b) __builtin_shufflevector(a, b, 2, 6, 3, 7)
 #else
 #define EACH(at) (vec){at(0), at(1)}
+#define LOWER(a, b) __builtin_shufflevector(a, b, 0, 2)
+#define UPPER(a, b) __builtin_shufflevector(a, b, 1, 3)
 #endif
 #define SELECT(mask, yes, no) ((vec)(((ivec)(mask) & (ivec)(yes)) | (~(ivec)(mask) & (ivec)(no))))
 
 INLINE vec NAME(all)(double x) { return x - (vec){0}; }
 
+#ifdef LARGER
+INLINE vec NAME(larger)(vec a, vec b) { return LARGER(a, b); }
+#else
 INLINE vec NAME(larger)(vec a, vec b) { return SELECT(a > b, a, b); }
+#endif
 
 INLINE vec NAME(gather)(const double *from, ptrdiff_t stride) {
 #define AT(l) from[(l) * stride]
@@ -53,24 +64,26 @@ INLINE ivec NAME(mask)(unsigned bits) {
     return m;
 }
 
-/* exp(x) for x <= 0, to 2e-16: 2^n (1 + r q(r)) with |r| <= log(2) / 2, and 0 below -708 where float64 ends. q is the
- * interpolation of (exp(r) - 1) / r in 11 Chebyshev nodes; the form makes exp(0) exactly 1. */
+/* exp(x) for LEAST_EXPONENT <= x <= 0, to 1e-13: 2^n (1 + r q(r)) with |r| <= log(2) / 2. q is the interpolation of
+ * (exp(r) - 1) / r in 9 Chebyshev nodes; the form makes exp(0) exactly 1. */
 INLINE vec NAME(exp)(vec x) {
-    const double q[] = {1.0, 0x1.0000000000005p-1, 0x1.5555555555556p-3, 0x1.55555555520c5p-5, 0x1.11111111104c2p-7,
-                        0x1.6c16c17f3ec16p-10, 0x1.a01a01aa4e527p-13, 0x1.a019a6776a02cp-16, 0x1.71de06632f437p-19,
-                        0x1.28a2b5247ca8cp-22, 0x1.af465b9ec8668p-26};
+    const double q[] = {0x1.0000000000000p+0, 0x1.fffffffff71cfp-2, 0x1.5555555553b7dp-3, 0x1.5555557428d91p-5, 0x1.1111111c45d5bp-7, 0x1.6c164df443c8cp-10, 0x1.a019adabfb6abp-13, 0x1.a15a4f98eb4a5p-16, 0x1.72c720b2e07bfp-19};
     const double magic = 0x1.8p52; /* adding it leaves the nearest whole number in the low bits */
-    const vec low = NAME(all)(-708.0);
-    const ivec vanishes = x < low;
-    x = SELECT(vanishes, low, x);
     const vec shifted = x * 0x1.71547652b82fep0 + magic;
-    const vec n = shifted - magic;
-    const vec r = (x - n * 0x1.62e42fee00000p-1) - n * 0x1.a39ef35793c76p-33;
-    vec p = NAME(all)(q[10]);
-    for (int i = 9; i >= 0; i--) p = p * r + q[i];
+    const vec r = x - (shifted - magic) * 0x1.62e42fefa39efp-1;
+    vec p = NAME(all)(q[8]);
+    for (int i = 7; i >= 0; i--) p = p * r + q[i];
     p = p * r + 1.0;
-    const vec power = (vec)(((ivec)shifted << 52) + (1023LL << 52));
-    return (vec)(~vanishes & (ivec)(p * power));
+    return (vec)((ivec)p + ((ivec)shifted << 52));
+}
+
+/* W vectors a become their transpose: a[i][l] and a[l][i] change places. Each round is a perfect shuffle of all W x W numbers. */
+INLINE void NAME(transpose)(vec *a) {
+    for (int n = W; n > 1; n /= 2) {
+        vec b[W];
+        for (int i = 0; i < W / 2; i++) b[2 * i] = LOWER(a[i], a[i + W / 2]), b[2 * i + 1] = UPPER(a[i], a[i + W / 2]);
+        for (int i = 0; i < W; i++) a[i] = b[i];
+    }
 }
 
 /* ------------------------------------------------------------------------------------------------ densities */
@@ -94,7 +107,8 @@ FN void NAME(log_density)(const Model *m, const vec *x, vec *out) {
     const int D = m->D;
     const double *factor = m->factors, *centre = m->centres;
     for (int k = 0; k < m->K; k++, out += TILES) {
-        vec q[TILES] = {{0}};
+        vec q[TILES];
+        for (int b = 0; b < TILES; b++) q[b] = (vec){0};
         for (int d = 0; d < D; d++) {
             vec z[TILES];
             const vec *xe = x;
@@ -118,7 +132,7 @@ FN void NAME(relative)(vec *b, int K, vec *top) {
     for (vec *at = b + TILES; at < b + K * TILES; at += TILES)
         for (int t = 0; t < TILES; t++) top[t] = NAME(larger)(top[t], at[t]);
     for (vec *at = b; at < b + K * TILES; at += TILES)
-        for (int t = 0; t < TILES; t++) at[t] = NAME(exp)(at[t] - top[t]);
+        for (int t = 0; t < TILES; t++) at[t] = NAME(exp)(NAME(larger)(at[t] - top[t], NAME(all)(LEAST_EXPONENT)));
 }
 
 /* Sum of logarithms, kept as a product whose exponent is taken off at each step: no log() in the loop. */
@@ -605,9 +619,10 @@ FN int NAME(tick)(Tick *f, const double *xi) {
     for (int l = 1; l < W; l++) best = tops[l] > best ? tops[l] : best;
     if (f->state[FRESH] != 0.0) memcpy(predicted, f->initial, sizeof(vec) * nv);
     else NAME(across)(predicted, f->weights, (const vec *)f->chain, K, nv);
+    const vec least = NAME(larger)(NAME(all)(-f->gate), NAME(all)(LEAST_EXPONENT));
     vec sums = {0}, largest = {0};
     for (int v = 0; v < nv; v++) {
-        h[v] = predicted[v] * NAME(exp)(NAME(larger)(log_b[v] - best, NAME(all)(-f->gate)));
+        h[v] = predicted[v] * NAME(exp)(NAME(larger)(log_b[v] - best, least));
         sums += h[v];
         largest = NAME(larger)(largest, h[v]);
     }
@@ -642,14 +657,58 @@ FN void NAME(line)(const Line *r, const double *weights, const double *x, double
     }
 }
 
-/* One lane of n columns becomes n numbers side by side. */
-INLINE void NAME(path)(double *to, const double *from, int n) {
-    int i = 0;
-    for (; i + W <= n; i += W) {
-        const vec v = NAME(gather)(from + (ptrdiff_t)i * TILES * W, TILES * W);
-        memcpy(to + i, &v, sizeof v);
+/* n <= W numbers. The usual n = W has a branch of its own: then a compiler needs no call. */
+INLINE void NAME(put)(double *to, vec v, int n) {
+    if (n == W) memcpy(to, &v, sizeof v);
+    else for (int i = 0; i < n; i++) to[i] = v[i];
+}
+
+INLINE vec NAME(take)(const double *from, int n) {
+    vec v = {0};
+    if (n == W) memcpy(&v, from, sizeof v);
+    else for (int i = 0; i < n; i++) v[i] = from[i];
+    return v;
+}
+
+/* n rows of a block [n][TILES] leave for each lane's own array, where they are n numbers side by side. */
+INLINE void NAME(leave)(const vec *block, double *const *to, int n) {
+    for (int c = 0; c < n; c += W) {
+        const int some = n - c < W ? n - c : W;
+        vec a[W];
+        for (int r = 0; r < W; r++) a[r] = block[(c + r) * TILES];
+        NAME(transpose)(a);
+        for (int l = 0; l < W && to[l]; l++) {
+            NAME(put)(to[l] + c, a[l], some);
+            __builtin_prefetch(to[l] + c + n + W, 1);
+        }
     }
-    for (; i < n; i++) to[i] = from[(ptrdiff_t)i * TILES * W];
+}
+
+/* And the way back. */
+INLINE void NAME(enter)(vec *block, const double *const *from, int n) {
+    for (int c = 0; c < n; c += W) {
+        const int some = n - c < W ? n - c : W;
+        vec a[W];
+        for (int l = 0; l < W; l++) {
+            a[l] = NAME(take)(from[l] + c, some);
+            __builtin_prefetch(from[l] + c + n + W);
+        }
+        NAME(transpose)(a);
+        for (int r = 0; r < some; r++) block[(c + r) * TILES] = a[r];
+    }
+}
+
+/* out[j] = sum_k h[k] matrix[k][j] for a block h [K][TILES]: four tiles and two columns at a time keep both multipliers busy. */
+INLINE void NAME(blend)(vec *out, const vec *h, const double *matrix, int K, int columns) {
+    for (int j = 0; j < columns; j += 2, matrix += 2, out += 2 * TILES)
+        for (int half = 0; half < TILES; half += 4) {
+            const vec *at = h + half;
+            const double *a = matrix;
+            vec s[2][4] = {{{0}}};
+            for (int k = 0; k < K; k++, at += TILES, a += columns)
+                for (int i = 0; i < 4; i++) s[0][i] += a[0] * at[i], s[1][i] += a[1] * at[i];
+            for (int i = 0; i < 4; i++) out[half + i] = s[0][i], out[TILES + half + i] = s[1][i];
+        }
 }
 
 /* TILES x W roll-outs at once, lanes across them: filter, regression, Euler. The gate keeps a weight from being forgotten and a
@@ -667,6 +726,7 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
     vec *forces = next + TILES * job->columns;     /* [RUN][f][TILES] */
     vec *positions = forces + RUN * f * TILES;     /* [RUN][d][TILES] */
     vec *velocities = positions + RUN * d * TILES; /* [RUN][d][TILES] */
+    const vec least = NAME(larger)(NAME(all)(-job->gate), NAME(all)(LEAST_EXPONENT));
     int64_t who[TILES * W];
     for (int i = 0; i < BLOCK; i++) {
         who[i] = begin + i < job->n ? begin + i : job->n - 1; /* lanes left over repeat the last */
@@ -681,9 +741,7 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
             for (int i = 0; i < TILES; i++) {
                 const double *from[W];
                 for (int l = 0; l < W; l++) from[l] = job->force + (who[i * W + l] * job->force_step + t) * f;
-#define AT(l) from[l][a]
-                for (int a = 0; a < f * (T - t < RUN ? T - t : RUN); a++) forces[a * TILES + i] = EACH(AT);
-#undef AT
+                NAME(enter)(forces + i, from, f * (int)(T - t < RUN ? T - t : RUN));
             }
         memcpy(now + d * TILES, forces + run * f * TILES, sizeof(vec) * f * TILES);
         for (int c = 0; c < D; c++)
@@ -695,13 +753,13 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
             for (int i = 0; i < TILES; i++) top[i] = NAME(larger)(top[i], b[k * TILES + i]);
         for (int k = 0; k < K; k++)
             for (int i = 0; i < TILES; i++) {
-                const vec lead = NAME(larger)(b[k * TILES + i] - top[i], NAME(all)(-job->gate));
+                const vec lead = NAME(larger)(b[k * TILES + i] - top[i], least);
                 s[i] += h[k * TILES + i] = NAME(exp)(lead) * next[k * TILES + i];
             }
         for (int i = 0; i < TILES; i++) s[i] = 1.0 / NAME(larger)(s[i], NAME(all)(1e-300));
         for (int k = 0; k < K; k++)
             for (int i = 0; i < TILES; i++) h[k * TILES + i] *= s[i];
-        for (int i = 0; i < TILES; i++) NAME(product)(next + i, TILES, h + i, job->matrix, K, job->columns);
+        NAME(blend)(next, h, job->matrix, K, job->columns);
         const vec *slope = next + K * TILES; /* [d][1 + n_in][TILES]: the states' lines, blended, and then at the input */
         for (int o = 0; o < d; o++, slope += (1 + n_in) * TILES)
             for (int i = 0; i < TILES; i++) {
@@ -712,10 +770,15 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
         memcpy(positions + run * d * TILES, now, sizeof(vec) * d * TILES);
         memcpy(velocities + run * d * TILES, now + n_in * TILES, sizeof(vec) * d * TILES);
         if (run == RUN - 1 || t == T - 1)
-            for (int64_t i = 0; i < BLOCK && begin + i < job->n; i++) {
-                const int64_t to = ((begin + i) * T + t - run) * d;
-                NAME(path)(job->position + to, (double *)positions + i, (run + 1) * d);
-                NAME(path)(job->velocity + to, (double *)velocities + i, (run + 1) * d);
+            for (int i = 0; i < TILES; i++) {
+                double *x_to[W], *v_to[W];
+                for (int l = 0; l < W; l++) {
+                    const int64_t lane = begin + i * W + l, to = (lane * T + t - run) * d;
+                    x_to[l] = lane < job->n ? job->position + to : NULL;
+                    v_to[l] = lane < job->n ? job->velocity + to : NULL;
+                }
+                NAME(leave)(positions + i, x_to, (run + 1) * d);
+                NAME(leave)(velocities + i, v_to, (run + 1) * d);
             }
         for (int o = 0; o < d; o++)
             for (int i = 0; i < TILES; i++) now[o * TILES + i] += job->dt * now[(n_in + o) * TILES + i];
@@ -732,7 +795,10 @@ static const Level NAME(level) = {
 #undef INLINE
 #undef SELECT
 #undef EACH
+#undef LOWER
+#undef UPPER
 #undef LogSum
+#undef LARGER
 #undef W
 #undef NAME
 #undef TARGET

@@ -24,12 +24,13 @@
 
 #define TILES 8               /* vectors in flight: a multiplication takes 4 cycles and 2 start in each */
 #define CHUNK 36              /* products x_i x_j kept at a time: TILES x CHUNK vectors fit in L1; even */
-#define RUN 8                 /* steps of a roll-out between visits to its own arrays */
+#define RUN 32                /* steps of a roll-out between visits to its own arrays */
 #define PIECE 4096            /* frames of a mixture that make one unit of work */
 #define SLOTS 16              /* partial sums, whatever the number of threads: the same order of additions, the same bits */
 #define MOST_CHANNELS 256
 #define MOST_THREADS 64
 #define LEAST_LOG_DENSITY -1e100 /* as in models/gaussian.py */
+#define LEAST_EXPONENT -708.0 /* exp of less is no normal float64 */
 #define LEAST_SCALE 1e-280    /* below it what was lost under 1e-308 could matter: the sequence goes to the logarithmic twin */
 #define UNBELIEVABLE 1e100    /* as in models/filtering.py */
 #define HOPELESS 2.0611536224385579e-09 /* exp(-20), as in models/filtering.py */
@@ -96,14 +97,17 @@ typedef double Two __attribute__((vector_size(16)));
 typedef double Four __attribute__((vector_size(32)));
 
 #if defined(__x86_64__)
+#include <immintrin.h>
 #define W 8
 #define NAME(x) x##_avx512
 #define TARGET __attribute__((target("avx512f,avx512dq,avx512vl,avx512bw,avx2,fma")))
+#define LARGER(a, b) _mm512_max_pd(a, b)
 #define LEVEL_NAME "avx512"
 #include "_lanes.h"
 #define W 4
 #define NAME(x) x##_avx2
 #define TARGET __attribute__((target("avx2,fma")))
+#define LARGER(a, b) _mm256_max_pd(a, b)
 #define LEVEL_NAME "avx2"
 #include "_lanes.h"
 #endif
@@ -135,7 +139,6 @@ static int runs_here(const Level *level) {
 /* Numbers below 1e-308 cost a hundred cycles each and mean nothing here. They are flushed to zero while a kernel runs, in its own
  * thread, and the thread gets its mode back: a library that switches the whole process changes other people's results. */
 #if defined(__x86_64__)
-#include <immintrin.h>
 typedef unsigned Mode;
 static Mode flush_denormals(void) {
     const Mode before = _mm_getcsr();
