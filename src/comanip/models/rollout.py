@@ -19,6 +19,10 @@ from .gmr import Regression
 from .hmm import Hmm
 
 
+WIDEST_GATE = 60.0  # float32: a frame that only the gate explains keeps weights of 1e-26, with 12 digits of exponent behind them
+MOST_DISTANT = 1e4  # float32: then a whole spread is still a thousand times its rounding
+
+
 class RollOuts(NamedTuple):
     """position [m] and velocity [m/s], (N, T, d): velocity[:, t] is what the law answers at position[:, t]."""
 
@@ -36,12 +40,16 @@ def roll_out(
     transition_floor: float = 1e-6,
     gate: float = 20.0,
     n_threads: int = 1,
+    precision: str = "float64",
 ) -> RollOuts:
     """N roll-outs from start (N, d) [m] under force (T, f) [N], the same for all, or (N, T, f).
 
     evidence                channels that the weights listen to; default position and force. "velocity" is the one commanded last
     transition_floor, gate  as in `ForwardFilter`
     n_threads               of the compiled kernel; any number gives the same numbers
+    precision               "float32" is twice as fast, and goes where "float64" goes to PRECISION while no two states are equally
+                            likely. Where it cannot (a channel far from zero for its spread, a wide gate, a roll-out
+                            that runs away beyond 1e38) float64 takes over; without compiled kernels both are float64
 
     The model's channels are position.*, force.* (or none) and velocity.*. A line of regression goes on for ever, so a start far
     from the lessons may run away: look at the positions.
@@ -55,6 +63,7 @@ def roll_out(
         )
     if not (dt > 0.0 and np.isfinite(dt)):
         raise ParameterError(f"dt is a period above 0 s; got {dt!r}")
+    single = kernels.single(precision) and gate <= WIDEST_GATE and _near_zero(model)
     x, f = _checked(start, force, len(position), len(forces))
     inputs = position + forces
     weigher = ForwardFilter(model, inputs if evidence is None else evidence, transition_floor=transition_floor, gate=gate)
@@ -62,10 +71,17 @@ def roll_out(
     regression = Regression(model, inputs, velocity)
     if kernels.native is None:
         return RollOuts(*_roll(x, f, dt, weigher, source, regression))
-    return RollOuts(*kernels.rollouts(
-        x, f, source, weigher.initial, weigher.chain, weigher.whitening.arrays, regression.gains, regression.offsets,
-        gate=gate, dt=dt, n_threads=n_threads,
-    ))  # fmt: skip
+    prepared = source, weigher.initial, weigher.chain, weigher.whitening.arrays, regression.gains, regression.offsets
+    found = RollOuts(*kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, n_threads=n_threads, single=single))
+    if single and not all(np.isfinite(path[:, -1]).all() for path in found):
+        found = RollOuts(*kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, n_threads=n_threads))
+    return found
+
+
+def _near_zero(model: Hmm) -> bool:
+    """Whether float32 can tell positions within each state apart."""
+    spread = np.sqrt(np.diagonal(model.covariances, axis1=1, axis2=2).min(axis=0))
+    return bool((np.abs(model.means).max(axis=0) < MOST_DISTANT * spread).all())
 
 
 def _roll(
