@@ -10,17 +10,18 @@ import numpy as np
 from comanip import kernels
 from comanip.models.gmr import Regression
 from comanip.models.rollout import roll_out
+from em import in_precision
 from machine import alternated, median, on_all_cores, stay_on_one_core
 from online import model
 
 N, T, DT = 1024, 200, 0.01
 
 
-def dynamax(m: Any, start: np.ndarray, force: np.ndarray) -> Any:
-    """The same recursion in JAX: a scan over time, a vmap over roll-outs, compiled."""
+def dynamax(m: Any, start: np.ndarray, force: np.ndarray, single: bool = False) -> Any:
+    """The same recursion in JAX: a scan over time, a vmap over roll-outs, compiled. float32 in and out, when `single`."""
     import jax
 
-    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_enable_x64", not single)
     import jax.numpy as jnp
 
     inputs = [c for c in m.channels if not c.startswith("velocity")]
@@ -46,7 +47,7 @@ def dynamax(m: Any, start: np.ndarray, force: np.ndarray) -> Any:
 
     all_of_them = jax.jit(jax.vmap(one))
     x0, f = jnp.array(start), jnp.array(force)
-    return lambda: [np.asarray(a) for a in jax.block_until_ready(all_of_them(x0, f))]
+    return in_precision(lambda: [np.asarray(a) for a in jax.block_until_ready(all_of_them(x0, f))], single)
 
 
 def measure() -> dict[str, float]:
@@ -65,15 +66,18 @@ def measure() -> dict[str, float]:
     work = {
         "comanip": lambda: roll_out(m, start, force, dt=DT),
         "comanip, 2 threads": on_all_cores(lambda: roll_out(m, start, force, dt=DT, n_threads=2)),
+        "comanip, float32": lambda: roll_out(m, start, force, dt=DT, precision="float32"),
+        "comanip, float32, 2 threads": on_all_cores(lambda: roll_out(m, start, force, dt=DT, n_threads=2, precision="float32")),
         "comanip, numpy twin": twin,
     }
     try:
-        work["dynamax"] = dynamax(m, start, force)
+        work |= {"dynamax": dynamax(m, start, force), "dynamax, float32": dynamax(m, start, force, single=True)}
     except ImportError:
         print("dynamax is absent", file=sys.stderr)
     ends = {peer: call()[0][:, 10] for peer, call in work.items()}
     for peer, end in ends.items():
-        if not np.allclose(end, ends["comanip"], rtol=1e-6, atol=1e-6):
+        tolerance = 1e-4 if "float32" in peer else 1e-6
+        if not np.allclose(end, ends["comanip"], rtol=tolerance, atol=tolerance):
             raise AssertionError(f"{peer} goes elsewhere")
     rates = {peer: N * T / median(t) / 1e6 for peer, t in alternated(work, 15).items()}
     print({n: round(v, 2) for n, v in rates.items()}, file=sys.stderr)

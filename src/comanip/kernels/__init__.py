@@ -95,7 +95,8 @@ def likelihoods(frames: np.ndarray, groups: Plan, initial: np.ndarray, transitio
                 *, n_threads: int = 1, single: bool = False) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """log-likelihood (S,) of each sequence, and (S,) whether it failed and is for the twin."""
     found, failed = np.empty(len(groups.starts) - 1), np.empty(len(groups.starts) - 1, dtype=bool)
-    native.e_step(*_in_order(frames, *groups, initial, transition, *white), None, None, None, found, failed, None, n_threads, single)
+    given = _in_order(frames, *groups, initial, transition, *white)
+    native.e_step(*given, None, None, None, found, failed, None, n_threads, single)
     return found, failed
 
 
@@ -126,7 +127,8 @@ def rollouts(start: np.ndarray, force: np.ndarray, source: np.ndarray, initial: 
     `source` (D,) says which of (position, force, velocity) each channel of the densities is; gains (K, d, d + f), offsets (K, d).
     """
     (n, d), (k, _, n_in) = start.shape, gains.shape
-    matrix = np.zeros((k, (k + d * (1 + n_in) + 1) // 2 * 2), dtype=np.float32 if single else np.float64)  # all that the weights are multiplied by
+    columns = (k + d * (1 + n_in) + 1) // 2 * 2
+    matrix = np.zeros((k, columns), dtype=np.float32 if single else np.float64)  # all that the weights are multiplied by
     matrix[:, :k] = chain
     matrix[:, k : k + d * (1 + n_in)] = np.dstack([offsets[:, :, None], gains]).reshape(k, -1)
     position, velocity = np.empty((n, force.shape[-2], d)), np.empty((n, force.shape[-2], d))

@@ -367,12 +367,14 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
         exponent -= ((ivec)r >> MANTISSA) - BIAS;
     }
     if (!job->statistics) return;
-    if (any_failed) /* without alpha a sequence adds nothing */
+    if (any_failed) /* without alpha a sequence adds nothing, unless its frames are infinite in float32 */
         for (int l = 0; l < W; l++)
             for (int64_t o = lane[l], t = 0; o < lane[l + 1]; o++)
                 for (int64_t n = starts[job->order[o] + 1] - starts[job->order[o]]; n > 0; n--, t++)
-                    if (job->failed[job->order[o]])
+                    if (job->failed[job->order[o]]) {
                         for (int k = 0; k < K; k++) ab[(t - t % TILES) * 2 * Ke + k * TILES + t % TILES][l] = 0.0;
+                        for (int d = 0; d < m->D; d++) x[(t - t % TILES) * step + d * TILES + t % TILES][l] = 0.0;
+                    }
 
     memset(beta, 0, sizeof(vec) * (2 * Ke + (int64_t)Ke * m->pairs + Ke * Ke)); /* beta, first, pairs, steps */
     for (int64_t t = length - 1; t >= 0; t--) {

@@ -10,7 +10,7 @@ import numpy as np
 from .. import kernels
 from ..interfaces import Array
 from . import chains
-from .gaussian import Whitening, whitening
+from .gaussian import Whitening, suits_float32, whitening
 from .learning import gaussians_of_labels, gaussians_of_moments, moments_about
 from .lessons import Lessons
 
@@ -41,6 +41,7 @@ def expect(p: Chain, lessons: Lessons, n_threads: int = 1, single: bool = False)
     white = whitening(p.means, p.covariances)
     if kernels.native is None:
         return _expect(p, white, lessons.z, lessons.lengths)
+    single = single and suits_float32(white, p.means, p.covariances)
     groups = lessons.narrow_groups if single else lessons.groups
     sums = kernels.e_step(lessons.z, groups, p.initial, p.transition, white.arrays, n_threads=n_threads, single=single)
     found = Statistics(sums.moments, white.origin, sums.transitions, sums.first)

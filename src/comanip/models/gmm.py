@@ -19,6 +19,7 @@ from .gaussian import (
     log_sum_exp,
     normalised,
     probabilities,
+    suits_float32,
     whitening,
 )
 from .learning import (
@@ -160,6 +161,7 @@ class _Statistics(NamedTuple):
 def _expect(p: _Mixture, z: Array, gamma: bool = False, single: bool = False) -> tuple[float, _Statistics]:
     white, log_weights = whitening(p.means, p.covariances), np.log(np.maximum(p.weights, 1e-300))
     if kernels.native is not None:
+        single = single and suits_float32(white, p.means, p.covariances)
         total, moments, found = kernels.mixture(z, log_weights, white.arrays, weights=gamma, single=single)
         if single and np.isnan(total):
             return _expect(p, z, gamma)

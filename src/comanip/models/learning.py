@@ -57,8 +57,8 @@ def climb(
     """Expectation-maximisation until the log-likelihood rises by less than `rise`.
 
     Never returns a model it has not scored. A likelihood that falls breaks a theorem, so it raises InternalError
-    instead of being called convergence, if it is more than `fall` relatively. `trace`, to go on from a climb that was interrupted: its log-likelihoods before
-    `parameters`; it is appended to.
+    instead of being called convergence, if it is by more than the ratio `fall`. `trace`, to go on from a climb that was
+    interrupted: its log-likelihoods before `parameters`; it is appended to.
     """
     if max_iterations < 0:
         raise ParameterError(f"max_iterations must not be negative; got {max_iterations!r}")
