@@ -105,9 +105,9 @@ thread, move less. Likelihoods of hmmlearn and of the numpy twin agree to 1e-8 w
 
 {em_table(results["em"])}
 hmmlearn in scaling mode, its faster one; dynamax with E- and M-step in one compiled function; pomegranate's E-step only, in
-float32, the only one it holds throughout. All others are float64 where float32 is not said. Everybody on one core, except where two threads are named. The floor is the
-arithmetic that cannot be avoided, at the speed of numpy's matrix product on the same core in the same minute. Peak memory over
-the data, 10⁶ frames: {memory():.1f} MB.
+float32, the only one it holds throughout. All others are in float64 where float32 is not said. Everybody on one core, except
+where two threads are named. The floor is the arithmetic that cannot be avoided, at the speed of numpy's matrix product on the
+same core in the same minute. Peak memory over the data, 10⁶ frames: {memory():.1f} MB.
 
 ![One EM iteration](benchmarks.png)
 

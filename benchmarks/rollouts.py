@@ -10,7 +10,6 @@ import numpy as np
 from comanip import kernels
 from comanip.models.gmr import Regression
 from comanip.models.rollout import roll_out
-from em import in_precision
 from machine import alternated, median, on_all_cores, stay_on_one_core
 from online import model
 
@@ -21,16 +20,19 @@ def dynamax(m: Any, start: np.ndarray, force: np.ndarray, single: bool = False) 
     """The same recursion in JAX: a scan over time, a vmap over roll-outs, compiled. float32 in and out, when `single`."""
     import jax
 
-    jax.config.update("jax_enable_x64", not single)
+    jax.config.update("jax_enable_x64", True)
     import jax.numpy as jnp
+
+    def array(a: Any) -> Any:
+        return jnp.array(a, dtype=jnp.float32 if single else jnp.float64)
 
     inputs = [c for c in m.channels if not c.startswith("velocity")]
     regression = Regression(m, inputs, "velocity")
     i = regression.input_index
-    factor = jnp.array(np.linalg.inv(np.linalg.cholesky(m.covariances[:, i[:, None], i[None, :]])))
+    factor = array(np.linalg.inv(np.linalg.cholesky(m.covariances[:, i[:, None], i[None, :]])))
     log_peak = jnp.log(jnp.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-    means, gains, offsets = jnp.array(m.means[:, i]), jnp.array(regression.gains), jnp.array(regression.offsets)
-    chain = jnp.array((1.0 - 1e-6) * m.transition + 1e-6 / m.n_states)
+    means, gains, offsets = array(m.means[:, i]), array(regression.gains), array(regression.offsets)
+    chain = array((1.0 - 1e-6) * m.transition + 1e-6 / m.n_states)
 
     def one(x0, forces):
         def step(carry, f):
@@ -43,11 +45,11 @@ def dynamax(m: Any, start: np.ndarray, force: np.ndarray, single: bool = False) 
             v = jnp.einsum("k,ko->o", h, gains @ xi + offsets)
             return (x + DT * v, h @ chain), (x, v)
 
-        return jax.lax.scan(step, (x0, jnp.array(m.initial)), forces)[1]
+        return jax.lax.scan(step, (x0, array(m.initial)), forces)[1]
 
     all_of_them = jax.jit(jax.vmap(one))
-    x0, f = jnp.array(start), jnp.array(force)
-    return in_precision(lambda: [np.asarray(a) for a in jax.block_until_ready(all_of_them(x0, f))], single)
+    x0, f = array(start), array(force)
+    return lambda: [np.asarray(a) for a in jax.block_until_ready(all_of_them(x0, f))]
 
 
 def measure() -> dict[str, float]:

@@ -231,3 +231,16 @@ def test_channels_that_repeat_each_other():
     sequences = [hmm.sample(model, 200, rng).frames]
     found, expected = (hmm.log_likelihood(model, sequences, precision=p) for p in ("float32", "float64"))
     np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("t", [0, 20, 39])
+def test_what_is_not_finite_is_refused_wherever_it_stands(precision, value, t):
+    start, force = np.zeros((70, 2)), np.zeros((70, 40, 1))
+    force[65, t] = value
+    with pytest.raises(ParameterError, match="finite"):
+        roll_out(law(), start, force, dt=0.01, precision=precision)
+    start[3, 1] = value
+    with pytest.raises(ParameterError, match="finite"):
+        roll_out(law(), start, np.zeros((40, 1)), dt=0.01, precision=precision)

@@ -71,11 +71,14 @@ def roll_out(
     source = np.array([(inputs + velocity).index(c) for c in weigher.channels], dtype=np.int64)
     regression = Regression(model, inputs, velocity)
     if kernels.native is None:
+        _refuse_infinite(x, f)
         return RollOuts(*_roll(x, f, dt, weigher, source, regression))
     prepared = source, weigher.initial, weigher.chain, weigher.whitening.arrays, regression.gains, regression.offsets
     found = RollOuts(*kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, n_threads=n_threads, single=single))
-    if single and not all(np.isfinite(path[:, -1]).all() for path in found):
-        found = RollOuts(*kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, n_threads=n_threads))
+    if not all(np.isfinite(path[:, -1]).all() for path in found):  # what is not finite stays so: the last step tells
+        _refuse_infinite(x, f)
+        if single:
+            return RollOuts(*kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, n_threads=n_threads))
     return found
 
 
@@ -107,6 +110,9 @@ def _checked(start: Any, force: Any, d: int, n_forces: int) -> tuple[Array, Arra
         raise ParameterError(f"start must be (N, {d}); got {x.shape}")
     if f.ndim not in (2, 3) or f.shape[-1] != n_forces or not f.shape[-2] or (f.ndim == 3 and len(f) != len(x)):
         raise ParameterError(f"force must be (T, {n_forces}) or ({len(x)}, T, {n_forces}); got {f.shape}")
-    if not (np.isfinite(x).all() and np.isfinite(f).all()):
-        raise ParameterError("start and force of a roll-out must be finite")
     return x, f
+
+
+def _refuse_infinite(start: Array, force: Array) -> None:
+    if not (np.isfinite(start).all() and np.isfinite(force).all()):
+        raise ParameterError("start and force of a roll-out must be finite")
