@@ -143,7 +143,7 @@ def test_learning_arrives_where_float64_does(topology, offset, noise):
     assert one.converged
     assert other.converged
     assert one.log_likelihood[-1] == pytest.approx(other.log_likelihood[-1], rel=0.0, abs=1e-3 * one.n_frames)
-    np.testing.assert_allclose(one.log_likelihood[-1], hmm.log_likelihood(one.model, sequences).sum(), rtol=1e-6)
+    np.testing.assert_allclose(one.log_likelihood[-1], hmm.log_likelihood(one.model, sequences).sum(), rtol=1e-9)
 
 
 def test_learning_a_mixture_arrives_where_float64_does():

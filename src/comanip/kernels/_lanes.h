@@ -740,7 +740,7 @@ INLINE void NAME(leave)(const vec *block, double *const *to, int n) {
         NAME(transpose)(a);
         for (int l = 0; l < W && to[l]; l++) {
             NAME(put)(to[l] + c, a[l], some);
-            __builtin_prefetch(to[l] + c + n + W, 1);
+            for (int i = c; i < c + W; i += LINE) __builtin_prefetch(to[l] + n + i + LINE, 1);
         }
     }
 }
@@ -752,7 +752,7 @@ INLINE void NAME(enter)(vec *block, const double *const *from, int n) {
         vec a[W];
         for (int l = 0; l < W; l++) {
             a[l] = NAME(take)(from[l] + c, some);
-            __builtin_prefetch(from[l] + c + n + W);
+            for (int i = c; i < c + W; i += LINE) __builtin_prefetch(from[l] + n + i + LINE);
         }
         NAME(transpose)(a);
         for (int r = 0; r < some; r++) block[(c + r) * TILES] = a[r];
