@@ -244,3 +244,13 @@ def test_what_is_not_finite_is_refused_wherever_it_stands(precision, value, t):
     start[3, 1] = value
     with pytest.raises(ParameterError, match="finite"):
         roll_out(law(), start, np.zeros((40, 1)), dt=0.01, precision=precision)
+
+
+@native_only
+@pytest.mark.parametrize("lengths", [[200_000], [100_000, 100_000]])
+def test_sums_of_very_many_equal_numbers_lose_no_digits(level, lengths):  # noqa: F811
+    """What float32 adds to a sum of 1e5 is rounded to the same side each time."""
+    p = Chain(np.ones(1), np.ones((1, 1)), np.zeros((1, 1)), np.ones((1, 1, 1)))
+    lessons = lessons_of(np.random.default_rng(0), lengths, 1)
+    lessons.z[:] = 1.1
+    check_expectations(p, lessons, tolerance=1e-4)

@@ -44,21 +44,22 @@ typedef double NAME(wide) __attribute__((vector_size(sizeof(double) * W)));
 #define FN TARGET static
 #define INLINE TARGET static inline __attribute__((always_inline))
 #if W == 16
-#define EACH(at) (vec){at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7), at(8), at(9), at(10), at(11), at(12), at(13), at(14), at(15)}
-#define LOWER(a, b) __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23)
-#define UPPER(a, b) __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31)
+#define EACH(at) \
+    (vec){at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7), at(8), at(9), at(10), at(11), at(12), at(13), at(14), at(15)}
+#define LOWER(a, b) SHUFFLE(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23)
+#define UPPER(a, b) SHUFFLE(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31)
 #elif W == 8
 #define EACH(at) (vec){at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7)}
-#define LOWER(a, b) __builtin_shufflevector(a, b, 0, 8, 1, 9, 2, 10, 3, 11)
-#define UPPER(a, b) __builtin_shufflevector(a, b, 4, 12, 5, 13, 6, 14, 7, 15)
+#define LOWER(a, b) SHUFFLE(a, b, 0, 8, 1, 9, 2, 10, 3, 11)
+#define UPPER(a, b) SHUFFLE(a, b, 4, 12, 5, 13, 6, 14, 7, 15)
 #elif W == 4
 #define EACH(at) (vec){at(0), at(1), at(2), at(3)}
-#define LOWER(a, b) __builtin_shufflevector(a, b, 0, 4, 1, 5)
-#define UPPER(a, b) __builtin_shufflevector(a, b, 2, 6, 3, 7)
+#define LOWER(a, b) SHUFFLE(a, b, 0, 4, 1, 5)
+#define UPPER(a, b) SHUFFLE(a, b, 2, 6, 3, 7)
 #else
 #define EACH(at) (vec){at(0), at(1)}
-#define LOWER(a, b) __builtin_shufflevector(a, b, 0, 2)
-#define UPPER(a, b) __builtin_shufflevector(a, b, 1, 3)
+#define LOWER(a, b) SHUFFLE(a, b, 0, 2)
+#define UPPER(a, b) SHUFFLE(a, b, 1, 3)
 #endif
 #define SELECT(mask, yes, no) ((vec)(((ivec)(mask) & (ivec)(yes)) | (~(ivec)(mask) & (ivec)(no))))
 
@@ -104,9 +105,10 @@ INLINE ivec NAME(mask)(unsigned bits) {
  * (exp(r) - 1) / r in 9 (6) Chebyshev nodes; the form makes exp(0) exactly 1. */
 INLINE vec NAME(exp)(vec x) {
 #ifdef SINGLE
-    const real q[] = {1.e+00f, 5.e-01f, 1.6666505e-01f, 4.1666467e-02f, 8.369149e-03f, 1.3933642e-03f};
+    const real q[] = {1.0f, 0.5f, 1.6666505e-1f, 4.1666467e-2f, 8.369149e-3f, 1.3933642e-3f};
 #else
-    const real q[] = {0x1.00000000p+0, 0x1.fffffffff71cfp-2, 0x1.5555555553b7dp-3, 0x1.5555557428d91p-5, 0x1.1111111c45d5bp-7, 0x1.6c164df443c8cp-10, 0x1.a019adabfb6abp-13, 0x1.a15a4f98eb4a5p-16, 0x1.72c720b2e07bfp-19};
+    const real q[] = {1.0, 0x1.fffffffff71cfp-2, 0x1.5555555553b7dp-3, 0x1.5555557428d91p-5, 0x1.1111111c45d5bp-7,
+                      0x1.6c164df443c8cp-10, 0x1.a019adabfb6abp-13, 0x1.a15a4f98eb4a5p-16, 0x1.72c720b2e07bfp-19};
 #endif
     const real magic = (real)3 * ((whole)1 << (MANTISSA - 1)); /* adding it leaves the nearest whole number in the low bits */
     const vec shifted = x * (real)0x1.71547652b82fep0 + magic;

@@ -96,6 +96,11 @@ typedef struct Level {
 
 typedef double Four __attribute__((vector_size(32)));
 
+#if defined(__clang__) || __GNUC__ >= 12
+#define SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#define SHUFFLE(a, b, ...) __builtin_shuffle(a, b, (ivec){__VA_ARGS__})
+#endif
 typedef float Four32 __attribute__((vector_size(16)));
 typedef float Eight32 __attribute__((vector_size(32)));
 
