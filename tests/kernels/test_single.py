@@ -8,12 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from comanip import kernels
-from comanip.errors import ParameterError
+from comanip.errors import InternalError, ParameterError
 from comanip.models import baum_welch, gmm, hmm
 from comanip.models.baum_welch import Chain
 from comanip.models.gaussian import whitening
 from comanip.models.gmm import fit_gmm
 from comanip.models.hmm import Hmm, fit_hmm
+from comanip.models.learning import climb_fast_first
 from comanip.models.rollout import roll_out
 from kernels.test_twins import LEVELS, agree, chain, lessons_of, level  # noqa: F401
 from toys import random_gmm, random_hmm
@@ -254,3 +255,25 @@ def test_sums_of_very_many_equal_numbers_lose_no_digits(level, lengths):  # noqa
     lessons = lessons_of(np.random.default_rng(0), lengths, 1)
     lessons.z[:] = 1.1
     check_expectations(p, lessons, tolerance=1e-4)
+
+
+def test_a_fall_in_float32_is_rounding_and_in_float64_a_defect():
+    def climb_over(narrow, wide):
+        scores = {True: iter(narrow), False: iter(wide)}
+        return climb_fast_first(
+            0, lambda p, single: (next(scores[single]), None), lambda e, p: p + 1, single=True, max_iterations=9, rise=0.1
+        )
+
+    parameters, trace, converged = climb_over([-10.0, -9.0, -9.5], [-9.0, -8.0, -8.0])
+    assert (parameters, trace.tolist(), converged) == (4, [-10.0, -9.0, -9.0, -8.0, -8.0], True)
+    with pytest.raises(InternalError, match="fell"):
+        climb_over([-10.0, -10.0], [-9.0, -9.5])
+
+
+@native_only
+def test_weights_of_two_near_states_have_six_digits(level):  # noqa: F811
+    """Log-densities are small here, so what is wrong is the exponential."""
+    z = np.linspace(-3.0, 3.0, 1001)[:, None]
+    p = gmm._Mixture(np.full(2, 0.5), np.array([[-1.0], [1.0]]), np.ones((2, 1, 1)))
+    found, expected = (gmm._expect(p, z, gamma=True, single=single)[1].gamma for single in (True, False))
+    np.testing.assert_allclose(found, expected, rtol=3e-6)

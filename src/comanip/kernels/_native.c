@@ -24,7 +24,7 @@
 
 #define TILES 8               /* vectors in flight: a multiplication takes 4 cycles and 2 start in each */
 #define CHUNK 36              /* products x_i x_j kept at a time: TILES x CHUNK vectors fit in L1; even */
-#define RUN 32                /* steps of a roll-out between visits to its own arrays */
+#define RUN 32                /* steps of a roll-out between visits to its own arrays; a multiple of any number of lanes */
 #define LINE 8                /* float64 numbers in a cache line */
 #define PIECE 4096            /* frames of a mixture that make one unit of work */
 #define SLOTS 16              /* partial sums, whatever the number of threads: the same order of additions, the same bits */
