@@ -16,20 +16,23 @@ from online import model
 N, T, DT = 1024, 200, 0.01
 
 
-def dynamax(m: Any, start: np.ndarray, force: np.ndarray) -> Any:
-    """The same recursion in JAX: a scan over time, a vmap over roll-outs, compiled."""
+def dynamax(m: Any, start: np.ndarray, force: np.ndarray, single: bool = False) -> Any:
+    """The same recursion in JAX: a scan over time, a vmap over roll-outs, compiled. float32 in and out, when `single`."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
     import jax.numpy as jnp
 
+    def array(a: Any) -> Any:
+        return jnp.array(a, dtype=jnp.float32 if single else jnp.float64)
+
     inputs = [c for c in m.channels if not c.startswith("velocity")]
     regression = Regression(m, inputs, "velocity")
     i = regression.input_index
-    factor = jnp.array(np.linalg.inv(np.linalg.cholesky(m.covariances[:, i[:, None], i[None, :]])))
+    factor = array(np.linalg.inv(np.linalg.cholesky(m.covariances[:, i[:, None], i[None, :]])))
     log_peak = jnp.log(jnp.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-    means, gains, offsets = jnp.array(m.means[:, i]), jnp.array(regression.gains), jnp.array(regression.offsets)
-    chain = jnp.array((1.0 - 1e-6) * m.transition + 1e-6 / m.n_states)
+    means, gains, offsets = array(m.means[:, i]), array(regression.gains), array(regression.offsets)
+    chain = array((1.0 - 1e-6) * m.transition + 1e-6 / m.n_states)
 
     def one(x0, forces):
         def step(carry, f):
@@ -42,10 +45,10 @@ def dynamax(m: Any, start: np.ndarray, force: np.ndarray) -> Any:
             v = jnp.einsum("k,ko->o", h, gains @ xi + offsets)
             return (x + DT * v, h @ chain), (x, v)
 
-        return jax.lax.scan(step, (x0, jnp.array(m.initial)), forces)[1]
+        return jax.lax.scan(step, (x0, array(m.initial)), forces)[1]
 
     all_of_them = jax.jit(jax.vmap(one))
-    x0, f = jnp.array(start), jnp.array(force)
+    x0, f = array(start), array(force)
     return lambda: [np.asarray(a) for a in jax.block_until_ready(all_of_them(x0, f))]
 
 
@@ -65,15 +68,18 @@ def measure() -> dict[str, float]:
     work = {
         "comanip": lambda: roll_out(m, start, force, dt=DT),
         "comanip, 2 threads": on_all_cores(lambda: roll_out(m, start, force, dt=DT, n_threads=2)),
+        "comanip, float32": lambda: roll_out(m, start, force, dt=DT, precision="float32"),
+        "comanip, float32, 2 threads": on_all_cores(lambda: roll_out(m, start, force, dt=DT, n_threads=2, precision="float32")),
         "comanip, numpy twin": twin,
     }
     try:
-        work["dynamax"] = dynamax(m, start, force)
+        work |= {"dynamax": dynamax(m, start, force), "dynamax, float32": dynamax(m, start, force, single=True)}
     except ImportError:
         print("dynamax is absent", file=sys.stderr)
     ends = {peer: call()[0][:, 10] for peer, call in work.items()}
     for peer, end in ends.items():
-        if not np.allclose(end, ends["comanip"], rtol=1e-6, atol=1e-6):
+        tolerance = 1e-4 if "float32" in peer else 1e-6
+        if not np.allclose(end, ends["comanip"], rtol=tolerance, atol=tolerance):
             raise AssertionError(f"{peer} goes elsewhere")
     rates = {peer: N * T / median(t) / 1e6 for peer, t in alternated(work, 15).items()}
     print({n: round(v, 2) for n, v in rates.items()}, file=sys.stderr)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..errors import ParameterError
 from .plan import Plan, plan
 
 ABSENT = "numpy: the compiled kernels are absent (no C compiler when comanip was installed), so all works, 10 to 50 times slower"
@@ -34,6 +35,13 @@ def _load() -> tuple[Any, str]:
 native, description = _load()
 
 
+def single(precision: str) -> bool:
+    """Whether "float64" or "float32" means float32 here: the twins know float64 only."""
+    if precision not in ("float64", "float32"):
+        raise ParameterError(f"precision must be 'float64' or 'float32'; got {precision!r}")
+    return precision == "float32" and native is not None
+
+
 class Sums(NamedTuple):
     """What one E-step over S sequences gives.
 
@@ -53,9 +61,9 @@ class Sums(NamedTuple):
     weights: np.ndarray | None
 
 
-def planned(lengths: np.ndarray) -> Plan:
-    """Groups for `e_step`, made once for the same sequences."""
-    return plan(lengths, native.lanes())
+def planned(lengths: np.ndarray, *, single: bool = False) -> Plan:
+    """Groups for `e_step`, made once for the same sequences; float32 has twice the lanes."""
+    return plan(lengths, native.lanes() * (1 + single))
 
 
 def e_step(
@@ -67,34 +75,40 @@ def e_step(
     *,
     weights: bool = False,
     n_threads: int = 1,
+    single: bool = False,
 ) -> Sums:
     """E-step over frames (N, D); `white` is (origin, factors, centres, log_peak) of the states' densities.
 
     Threads share groups of sequences; the sums are added in the same order whatever their number, so the bits are the same.
+    `single` computes in float32, in which more sequences fail; the groups must be planned for it.
     """
     n, d, k, s = len(frames), len(white[0]), len(white[3]), len(groups.starts) - 1
     out = Sums(
         np.empty((k, d + 1, d + 1)), np.empty((k, k)), np.empty(k), np.empty(s), np.empty(s, dtype=bool),
         np.zeros((n, k)) if weights else None,
     )  # fmt: skip
-    native.e_step(*_in_order(frames, *groups, initial, transition, *white), *out, n_threads)
+    native.e_step(*_in_order(frames, *groups, initial, transition, *white), *out, n_threads, single)
     return out
 
 
 def likelihoods(frames: np.ndarray, groups: Plan, initial: np.ndarray, transition: np.ndarray, white: tuple[np.ndarray, ...],
-                *, n_threads: int = 1) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+                *, n_threads: int = 1, single: bool = False) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """log-likelihood (S,) of each sequence, and (S,) whether it failed and is for the twin."""
     found, failed = np.empty(len(groups.starts) - 1), np.empty(len(groups.starts) - 1, dtype=bool)
-    native.e_step(*_in_order(frames, *groups, initial, transition, *white), None, None, None, found, failed, None, n_threads)
+    given = _in_order(frames, *groups, initial, transition, *white)
+    native.e_step(*given, None, None, None, found, failed, None, n_threads, single)
     return found, failed
 
 
 def mixture(frames: np.ndarray, log_weights: np.ndarray, white: tuple[np.ndarray, ...], *, weights: bool = False,
-            n_threads: int = 1) -> tuple[float, np.ndarray, np.ndarray | None]:  # fmt: skip
-    """The E-step without dynamics: log-likelihood of all frames (N, D), moments as in Sums, and γ (N, K) when asked for."""
+            n_threads: int = 1, single: bool = False) -> tuple[float, np.ndarray, np.ndarray | None]:  # fmt: skip
+    """The E-step without dynamics: log-likelihood of all frames (N, D), moments as in Sums, and γ (N, K) when asked for.
+
+    In float32 (`single`) the log-likelihood is NaN where it failed.
+    """
     n, d, k = len(frames), len(white[0]), len(white[3])
     moments, gamma = np.empty((k, d + 1, d + 1)), np.empty((n, k)) if weights else None
-    total = native.mixture(*_in_order(frames, log_weights, *white), moments, gamma, n_threads)
+    total = native.mixture(*_in_order(frames, log_weights, *white), moments, gamma, n_threads, single)
     return total, moments, gamma
 
 
@@ -106,19 +120,20 @@ def decode(frames: np.ndarray, log_initial: np.ndarray, log_transition: np.ndarr
 
 
 def rollouts(start: np.ndarray, force: np.ndarray, source: np.ndarray, initial: np.ndarray, chain: np.ndarray,
-             white: tuple[np.ndarray, ...], gains: np.ndarray, offsets: np.ndarray, *, gate: float, dt: float, n_threads: int = 1
-             ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+             white: tuple[np.ndarray, ...], gains: np.ndarray, offsets: np.ndarray, *, gate: float, dt: float, n_threads: int = 1,
+             single: bool = False) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Positions and velocities (N, T, d) from start (N, d) under force (T, f) or (N, T, f).
 
     `source` (D,) says which of (position, force, velocity) each channel of the densities is; gains (K, d, d + f), offsets (K, d).
     """
     (n, d), (k, _, n_in) = start.shape, gains.shape
-    matrix = np.zeros((k, (k + d * (1 + n_in) + 1) // 2 * 2))  # all that the weights are multiplied by
+    columns = (k + d * (1 + n_in) + 1) // 2 * 2
+    matrix = np.zeros((k, columns), dtype=np.float32 if single else np.float64)  # all that the weights are multiplied by
     matrix[:, :k] = chain
     matrix[:, k : k + d * (1 + n_in)] = np.dstack([offsets[:, :, None], gains]).reshape(k, -1)
     position, velocity = np.empty((n, force.shape[-2], d)), np.empty((n, force.shape[-2], d))
     given = _in_order(start, force, source, initial, *white, matrix)
-    native.rollouts(d, force.shape[-1], n, force.shape[-2], *given, gate, dt, position, velocity, n_threads)
+    native.rollouts(d, force.shape[-1], n, force.shape[-2], *given, gate, dt, position, velocity, n_threads, single)
     return position, velocity
 
 

@@ -1,8 +1,10 @@
-/* The recursions, written once and compiled once for each instruction set: _native.c includes this file with
+/* The recursions, written once and compiled once for each instruction set and precision: _native.c includes this file with
  *
- *     W         float64 numbers in one vector
+ *     W         numbers in one vector
+ *     SINGLE    where they are float32: then what must be quick with very many frames, and no decoding and nothing on line
  *     NAME(x)   x with the instruction set's name behind it
  *     TARGET    __attribute__((target(...))), or nothing
+ *     LARGER    a > b ? a : b of two vectors in one instruction, where no compiler finds it by itself
  *
  * A `vec` holds one number for each of W lanes. Where there are many sequences, a lane is a sequence (several, one after another,
  * when they differ in length); where there is one, a lane is a frame for the densities and moments, and a state for the
@@ -10,67 +12,120 @@
  * come in blocks [index][TILES], whose distances in memory the compiler knows.
  */
 
-typedef double NAME(vec) __attribute__((vector_size(8 * W)));
-typedef long long NAME(ivec) __attribute__((vector_size(8 * W)));
+#ifdef SINGLE
+typedef float NAME(real);
+typedef int32_t NAME(whole);
+#define MANTISSA 23           /* bits of it */
+#define BIAS 127              /* of the exponent behind it */
+#define LEAST_EXPONENT -87.0f /* exp of less is no normal number */
+#define LEAST_LOG_DENSITY -1e30f
+#define FAINTEST -3e4f        /* below it the rounding of a log-density moves weights by 1 %: the sequence goes to float64 */
+#define LEAST_SCALE 1e-18f    /* half of the digits of the exponent: what was lost under 1e-38 is as far below */
+#define LEAST_SUM 1e-30f
+#else
+typedef double NAME(real);
+typedef long long NAME(whole);
+#define MANTISSA 52
+#define BIAS 1023
+#define LEAST_EXPONENT -708.0
+#define LEAST_LOG_DENSITY -1e100 /* as in models/gaussian.py */
+#define FAINTEST -INFINITY
+#define LEAST_SCALE 1e-280 /* below it what was lost under 1e-308 could matter: the sequence goes to the logarithmic twin */
+#define LEAST_SUM 1e-300
+#endif
+#define real NAME(real)
+#define whole NAME(whole)
+#define ONE ((whole)BIAS << MANTISSA) /* the bits of 1.0 */
+typedef real NAME(vec) __attribute__((vector_size(sizeof(real) * W)));
+typedef whole NAME(ivec) __attribute__((vector_size(sizeof(real) * W)));
+typedef double NAME(wide) __attribute__((vector_size(sizeof(double) * W)));
 #define vec NAME(vec)
 #define ivec NAME(ivec)
 #define FN TARGET static
 #define INLINE TARGET static inline __attribute__((always_inline))
-#if W == 8
+#if W == 16
+#define EACH(at) \
+    (vec){at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7), at(8), at(9), at(10), at(11), at(12), at(13), at(14), at(15)}
+#define LOWER(a, b) SHUFFLE(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23)
+#define UPPER(a, b) SHUFFLE(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31)
+#elif W == 8
 #define EACH(at) (vec){at(0), at(1), at(2), at(3), at(4), at(5), at(6), at(7)}
+#define LOWER(a, b) SHUFFLE(a, b, 0, 8, 1, 9, 2, 10, 3, 11)
+#define UPPER(a, b) SHUFFLE(a, b, 4, 12, 5, 13, 6, 14, 7, 15)
 #elif W == 4
 #define EACH(at) (vec){at(0), at(1), at(2), at(3)}
+#define LOWER(a, b) SHUFFLE(a, b, 0, 4, 1, 5)
+#define UPPER(a, b) SHUFFLE(a, b, 2, 6, 3, 7)
 #else
 #define EACH(at) (vec){at(0), at(1)}
+#define LOWER(a, b) SHUFFLE(a, b, 0, 2)
+#define UPPER(a, b) SHUFFLE(a, b, 1, 3)
 #endif
 #define SELECT(mask, yes, no) ((vec)(((ivec)(mask) & (ivec)(yes)) | (~(ivec)(mask) & (ivec)(no))))
 
-INLINE vec NAME(all)(double x) { return x - (vec){0}; }
+INLINE vec NAME(all)(real x) { return x - (vec){0}; }
 
+#ifdef LARGER
+INLINE vec NAME(larger)(vec a, vec b) { return LARGER(a, b); }
+#else
 INLINE vec NAME(larger)(vec a, vec b) { return SELECT(a > b, a, b); }
+#endif
 
-INLINE vec NAME(gather)(const double *from, ptrdiff_t stride) {
+INLINE vec NAME(gather)(const real *from, ptrdiff_t stride) {
 #define AT(l) from[(l) * stride]
     return EACH(AT);
 #undef AT
 }
 
-INLINE double NAME(sum)(vec v) { /* half by half: the shortest way */
-#if W == 8
+INLINE real NAME(sum)(vec v) { /* half by half: the shortest way */
+#if W == 16
+    const Eight32 eight = ((Eight32 *)&v)[0] + ((Eight32 *)&v)[1];
+    const Four32 four = ((Four32 *)&eight)[0] + ((Four32 *)&eight)[1];
+#elif W == 8 && defined(SINGLE)
+    const Four32 four = ((Four32 *)&v)[0] + ((Four32 *)&v)[1];
+#elif W == 8
     const Four four = ((Four *)&v)[0] + ((Four *)&v)[1];
-    const Two two = ((Two *)&four)[0] + ((Two *)&four)[1];
 #elif W == 4
-    const Two two = ((Two *)&v)[0] + ((Two *)&v)[1];
+    const vec four = v;
 #else
-    const Two two = v;
+    return v[0] + v[1];
 #endif
-    return two[0] + two[1];
+#if W > 2
+    return (four[0] + four[2]) + (four[1] + four[3]);
+#endif
 }
 
 INLINE ivec NAME(mask)(unsigned bits) {
     ivec m;
-    for (int l = 0; l < W; l++) m[l] = -(long long)(bits >> l & 1);
+    for (int l = 0; l < W; l++) m[l] = -(whole)(bits >> l & 1);
     return m;
 }
 
-/* exp(x) for x <= 0, to 2e-16: 2^n (1 + r q(r)) with |r| <= log(2) / 2, and 0 below -708 where float64 ends. q is the
- * interpolation of (exp(r) - 1) / r in 11 Chebyshev nodes; the form makes exp(0) exactly 1. */
+/* exp(x) for LEAST_EXPONENT <= x <= 0, to 1e-13 (2e-7): 2^n (1 + r q(r)) with |r| <= log(2) / 2. q is the interpolation of
+ * (exp(r) - 1) / r in 9 (6) Chebyshev nodes; the form makes exp(0) exactly 1. */
 INLINE vec NAME(exp)(vec x) {
-    const double q[] = {1.0, 0x1.0000000000005p-1, 0x1.5555555555556p-3, 0x1.55555555520c5p-5, 0x1.11111111104c2p-7,
-                        0x1.6c16c17f3ec16p-10, 0x1.a01a01aa4e527p-13, 0x1.a019a6776a02cp-16, 0x1.71de06632f437p-19,
-                        0x1.28a2b5247ca8cp-22, 0x1.af465b9ec8668p-26};
-    const double magic = 0x1.8p52; /* adding it leaves the nearest whole number in the low bits */
-    const vec low = NAME(all)(-708.0);
-    const ivec vanishes = x < low;
-    x = SELECT(vanishes, low, x);
-    const vec shifted = x * 0x1.71547652b82fep0 + magic;
-    const vec n = shifted - magic;
-    const vec r = (x - n * 0x1.62e42fee00000p-1) - n * 0x1.a39ef35793c76p-33;
-    vec p = NAME(all)(q[10]);
-    for (int i = 9; i >= 0; i--) p = p * r + q[i];
+#ifdef SINGLE
+    const real q[] = {1.0f, 0.5f, 1.6666505e-1f, 4.1666467e-2f, 8.369149e-3f, 1.3933642e-3f};
+#else
+    const real q[] = {1.0, 0x1.fffffffff71cfp-2, 0x1.5555555553b7dp-3, 0x1.5555557428d91p-5, 0x1.1111111c45d5bp-7,
+                      0x1.6c164df443c8cp-10, 0x1.a019adabfb6abp-13, 0x1.a15a4f98eb4a5p-16, 0x1.72c720b2e07bfp-19};
+#endif
+    const real magic = (real)3 * ((whole)1 << (MANTISSA - 1)); /* adding it leaves the nearest whole number in the low bits */
+    const vec shifted = x * (real)0x1.71547652b82fep0 + magic;
+    const vec r = x - (shifted - magic) * (real)0x1.62e42fefa39efp-1;
+    vec p = NAME(all)(q[sizeof q / sizeof *q - 1]);
+    for (int i = sizeof q / sizeof *q - 2; i >= 0; i--) p = p * r + q[i];
     p = p * r + 1.0;
-    const vec power = (vec)(((ivec)shifted << 52) + (1023LL << 52));
-    return (vec)(~vanishes & (ivec)(p * power));
+    return (vec)((ivec)p + ((ivec)shifted << MANTISSA));
+}
+
+/* W vectors a become their transpose: a[i][l] and a[l][i] change places. Each round is a perfect shuffle of all W x W numbers. */
+INLINE void NAME(transpose)(vec *a) {
+    for (int n = W; n > 1; n /= 2) {
+        vec b[W];
+        for (int i = 0; i < W / 2; i++) b[2 * i] = LOWER(a[i], a[i + W / 2]), b[2 * i + 1] = UPPER(a[i], a[i + W / 2]);
+        for (int i = 0; i < W; i++) a[i] = b[i];
+    }
 }
 
 /* ------------------------------------------------------------------------------------------------ densities */
@@ -82,8 +137,8 @@ FN void NAME(load)(const Model *m, const double *frames, const int64_t *row, vec
     for (int b = 0; b < TILES; b++, row += W) {
         const double *from[W];
         for (int l = 0; l < W; l++) from[l] = row[l] < 0 ? m->origin : frames + row[l] * D;
-#define AT(l) from[l][d]
-        for (int d = 0; d < D; d++) x[d * TILES + b] = EACH(AT) - m->origin[d];
+#define AT(l) (real)(from[l][d] - m->origin[d])
+        for (int d = 0; d < D; d++) x[d * TILES + b] = EACH(AT);
 #undef AT
         x[D * TILES + b] = NAME(all)(1.0);
     }
@@ -92,20 +147,21 @@ FN void NAME(load)(const Model *m, const double *frames, const int64_t *row, vec
 /* log N(x; mu_k, Sigma_k) of a block: out [K][TILES]. The inverse Cholesky factor is a triangle: D^2 / 2 products. */
 FN void NAME(log_density)(const Model *m, const vec *x, vec *out) {
     const int D = m->D;
-    const double *factor = m->factors, *centre = m->centres;
+    const real *factor = m->factors, *centre = m->centres, *peak = m->peak;
     for (int k = 0; k < m->K; k++, out += TILES) {
-        vec q[TILES] = {{0}};
+        vec q[TILES];
+        for (int b = 0; b < TILES; b++) q[b] = (vec){0};
         for (int d = 0; d < D; d++) {
             vec z[TILES];
             const vec *xe = x;
             for (int b = 0; b < TILES; b++) z[b] = NAME(all)(-*centre);
             centre++;
-            for (const double *row_end = factor + d + 1; factor < row_end; factor++, xe += TILES)
+            for (const real *row_end = factor + d + 1; factor < row_end; factor++, xe += TILES)
                 for (int b = 0; b < TILES; b++) z[b] += *factor * xe[b];
             for (int b = 0; b < TILES; b++) q[b] += z[b] * z[b];
         }
         for (int b = 0; b < TILES; b++) {
-            const vec value = m->peak[k] - 0.5 * q[b];
+            const vec value = peak[k] - 0.5 * q[b];
             out[b] = NAME(larger)(value, NAME(all)(LEAST_LOG_DENSITY));
         }
     }
@@ -118,29 +174,25 @@ FN void NAME(relative)(vec *b, int K, vec *top) {
     for (vec *at = b + TILES; at < b + K * TILES; at += TILES)
         for (int t = 0; t < TILES; t++) top[t] = NAME(larger)(top[t], at[t]);
     for (vec *at = b; at < b + K * TILES; at += TILES)
-        for (int t = 0; t < TILES; t++) at[t] = NAME(exp)(at[t] - top[t]);
+        for (int t = 0; t < TILES; t++) at[t] = NAME(exp)(NAME(larger)(at[t] - top[t], NAME(all)(LEAST_EXPONENT)));
 }
 
 /* Sum of logarithms, kept as a product whose exponent is taken off at each step: no log() in the loop. */
-typedef struct { vec mantissa; ivec exponent; vec shift; } NAME(LogSum);
+typedef struct { vec mantissa; ivec exponent; double shift[W]; } NAME(LogSum);
 #define LogSum NAME(LogSum)
 
 INLINE void NAME(add_log)(LogSum *sum, vec factor, vec shift) {
     const ivec bits = (ivec)(sum->mantissa * factor);
-    sum->exponent += (bits >> 52) - 1023;
-    sum->mantissa = (vec)((bits & 0xfffffffffffffLL) | (1023LL << 52));
-    sum->shift += shift;
+    sum->exponent += (bits >> MANTISSA) - BIAS;
+    sum->mantissa = (vec)((bits & (((whole)1 << MANTISSA) - 1)) | ONE);
+    for (int l = 0; l < W; l++) sum->shift[l] += shift[l];
 }
 
 static inline double NAME(take_log)(LogSum *sum, int lane) {
-    const double found = log(sum->mantissa[lane]) + (double)sum->exponent[lane] * M_LN2 + sum->shift[lane];
-    sum->mantissa[lane] = 1.0;
-    sum->exponent[lane] = 0;
-    sum->shift[lane] = 0.0;
-    return found;
+    return log(sum->mantissa[lane]) + (double)sum->exponent[lane] * M_LN2 + sum->shift[lane];
 }
 
-INLINE LogSum NAME(no_log)(void) { return (LogSum){NAME(all)(1.0), (ivec){0}, (vec){0}}; }
+INLINE LogSum NAME(no_log)(void) { return (LogSum){NAME(all)(1.0), (ivec){0}, {0.0}}; }
 
 /* -------------------------------------------------------------------------------------------------- moments */
 
@@ -159,7 +211,7 @@ INLINE void NAME(corner)(vec *sums, ptrdiff_t stride, const vec *a, const vec *b
  * block passes: at most one load a product instead of two loads and a store. AVX-512 has registers for 4 x 6. */
 FN void NAME(outer)(vec *sums, ptrdiff_t stride, const vec *a, int n_a, const vec *b, int n_b) {
     int i = 0;
-    for (; W == 8 && i + 4 <= n_a; i += 4, a += 4 * TILES, sums += 4 * stride) {
+    for (; sizeof(vec) == 64 && i + 4 <= n_a; i += 4, a += 4 * TILES, sums += 4 * stride) {
         int j = 0;
         for (; j + 6 <= n_b; j += 6) NAME(corner)(sums + j, stride, a, b + j * TILES, 4, 6);
         for (; j + 4 <= n_b; j += 4) NAME(corner)(sums + j, stride, a, b + j * TILES, 4, 4);
@@ -193,9 +245,15 @@ FN void NAME(add_lanes)(const vec *from, int stride, int n_rows, int n_columns, 
         for (int j = 0; j < n_columns; j++) to[i * n_columns + j] += NAME(sum)(from[i * stride + j]);
 }
 
+/* The same, and `from` begins anew: often enough, float32 sums lose nothing. */
+FN void NAME(drain)(vec *from, int stride, int n_rows, int n_columns, double *to) {
+    NAME(add_lanes)(from, stride, n_rows, n_columns, to);
+    memset(from, 0, sizeof(vec) * stride * n_rows);
+}
+
 /* -------------------------------------------------------------------------------------- sequences side by side */
 
-INLINE void NAME(columns)(vec *out, int step, const vec *in, const double *matrix, int K, ptrdiff_t stride, const int n) {
+INLINE void NAME(columns)(vec *out, int step, const vec *in, const real *matrix, int K, ptrdiff_t stride, const int n) {
     vec s[6] = {{0}};
     for (const vec *end = in + K * TILES; in < end; in += TILES, matrix += stride)
         for (int j = 0; j < n; j++) s[j] += matrix[j] * *in;
@@ -203,7 +261,7 @@ INLINE void NAME(columns)(vec *out, int step, const vec *in, const double *matri
 }
 
 /* out[j] = sum_i in[i] matrix[i][j], for every lane; `in` is a column of a block. */
-INLINE void NAME(product)(vec *out, const int step, const vec *in, const double *matrix, int K, int Ke) {
+INLINE void NAME(product)(vec *out, const int step, const vec *in, const real *matrix, int K, int Ke) {
     int j = 0;
     for (; j + 6 <= Ke; j += 6) NAME(columns)(out + j * step, step, in, matrix + j, K, Ke, 6);
     for (; j + 4 <= Ke; j += 4) NAME(columns)(out + j * step, step, in, matrix + j, K, Ke, 4);
@@ -222,13 +280,14 @@ INLINE void NAME(product)(vec *out, const int step, const vec *in, const double 
 FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     const Model *m = job->model;
     const int K = m->K, Ke = m->Ke, step = m->D + 1, all = (1 << W) - 1;
+    const real *initial = m->initial;
     const int64_t *lane = job->lanes + (int64_t)g * W, *starts = job->starts;
     int64_t length = 0, shortest = INT64_MAX, next[W];
     ivec ends;
     for (int l = 0; l < W; l++) {
         int64_t n = 0;
         for (int64_t o = lane[l]; o < lane[l + 1]; o++) n += starts[job->order[o] + 1] - starts[job->order[o]];
-        ends[l] = n;
+        ends[l] = (whole)n;
         next[l] = lane[l];
         if (n > length) length = n;
         if (n < shortest) shortest = n;
@@ -246,10 +305,10 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     vec *steps = pairs + (int64_t)Ke * m->pairs; /* [Ke][Ke] */
     vec *products = steps + Ke * Ke;     /* [CHUNK][TILES] */
     int64_t *row = (int64_t *)(products + TILES * CHUNK);    /* [length][W] */
-    unsigned char *breaks = (unsigned char *)(row + length * W); /* [length + 1] */
+    uint16_t *breaks = (uint16_t *)(row + length * W);       /* [length + 1] */
 
     memset(row, 0xff, sizeof(int64_t) * length * W);
-    memset(breaks, 0, length + 1);
+    memset(breaks, 0, sizeof *breaks * (length + 1));
     breaks[0] = breaks[length] = all;
     for (int l = 0; l < W; l++) {
         int64_t t = 0;
@@ -262,7 +321,8 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
 
     ivec failed = {0}, exponent = {0};
     int any_failed = 0;
-    vec r = NAME(all)(1.0), shift = {0}, top[TILES];
+    vec r = NAME(all)(1.0), top[TILES];
+    double shift[W] = {0.0};
     memset(v, 0, sizeof(vec) * TILES * Ke); /* serves as alpha before the first frame */
     const vec *before = v;
     for (int64_t t = 0; t < length; t++) {
@@ -276,7 +336,7 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
         NAME(product)(alpha, TILES, before, m->forward, K, Ke);
         if (breaks[t]) {
             const ivec anew = NAME(mask)(breaks[t]);
-            for (int k = 0; k < K; k++) alpha[k * TILES] = SELECT(anew, NAME(all)(m->initial[k]), alpha[k * TILES]);
+            for (int k = 0; k < K; k++) alpha[k * TILES] = SELECT(anew, NAME(all)(initial[k]), alpha[k * TILES]);
             r = SELECT(anew, NAME(all)(1.0), r);
         }
         vec even = {0}, odd = {0};
@@ -286,15 +346,15 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
         }
         vec s = even + odd;
         if (t >= shortest) { /* lanes that have nothing left */
-            const ivec alive = ends > t;
+            const ivec alive = ends > (whole)t;
             for (int k = 0; k < K; k++) alpha[k * TILES] = (vec)(alive & (ivec)alpha[k * TILES]);
             s = SELECT(alive, s, NAME(all)(1.0));
         }
-        const ivec fine = s >= LEAST_SCALE; /* false for NaN, too */
+        const ivec fine = (s >= LEAST_SCALE) & (top[t % TILES] >= FAINTEST); /* false for NaN, too */
         failed |= ~fine;
         s = SELECT(fine, s, NAME(all)(1.0));
-        scale[t] = r = (vec)((2046LL << 52) - ((ivec)s & (2047LL << 52)));
-        shift += top[t % TILES];
+        scale[t] = r = (vec)(2 * ONE - ((ivec)s & (2 * ONE + ((whole)1 << MANTISSA))));
+        for (int l = 0; l < W; l++) shift[l] += top[t % TILES][l];
         before = alpha;
         if (breaks[t + 1])
             for (int l = 0; l < W; l++)
@@ -303,19 +363,20 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
                     job->log_likelihood[sequence] = log(s[l]) + (double)exponent[l] * M_LN2 + shift[l];
                     any_failed |= job->failed[sequence] = failed[l] != 0;
                     failed[l] = 0;
-                    exponent[l] = ((ivec)r)[l] >> 52 & 2047; /* so that the next line leaves nothing */
-                    exponent[l] -= 1023;
+                    exponent[l] = (((ivec)r)[l] >> MANTISSA) - BIAS; /* so that the next line leaves nothing */
                     shift[l] = 0.0;
                 }
-        exponent -= ((ivec)r >> 52) - 1023;
+        exponent -= ((ivec)r >> MANTISSA) - BIAS;
     }
     if (!job->statistics) return;
-    if (any_failed) /* without alpha a sequence adds nothing */
+    if (any_failed) /* without alpha a sequence adds nothing, unless its frames are infinite in float32 */
         for (int l = 0; l < W; l++)
             for (int64_t o = lane[l], t = 0; o < lane[l + 1]; o++)
                 for (int64_t n = starts[job->order[o] + 1] - starts[job->order[o]]; n > 0; n--, t++)
-                    if (job->failed[job->order[o]])
+                    if (job->failed[job->order[o]]) {
                         for (int k = 0; k < K; k++) ab[(t - t % TILES) * 2 * Ke + k * TILES + t % TILES][l] = 0.0;
+                        for (int d = 0; d < m->D; d++) x[(t - t % TILES) * step + d * TILES + t % TILES][l] = 0.0;
+                    }
 
     memset(beta, 0, sizeof(vec) * (2 * Ke + (int64_t)Ke * m->pairs + Ke * Ke)); /* beta, first, pairs, steps */
     for (int64_t t = length - 1; t >= 0; t--) {
@@ -349,16 +410,18 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
             NAME(outer)(steps, Ke, block, Ke, v, Ke);
             NAME(moments)(m, pairs, weight, x + t * step, products);
         }
+        if (t % DRAIN == 0) {
+            NAME(drain)(pairs, m->pairs, K, m->n_pairs, slot);
+            NAME(drain)(steps, Ke, K, K, slot + (int64_t)K * m->n_pairs);
+        }
     }
-    NAME(add_lanes)(pairs, m->pairs, K, m->n_pairs, slot);
-    NAME(add_lanes)(steps, Ke, K, K, slot + (int64_t)K * m->n_pairs);
     NAME(add_lanes)(first, 1, K, 1, slot + (int64_t)K * m->n_pairs + K * K);
 }
 
 /* ----------------------------------------------------------------------------------------- one sequence alone */
 
 /* out[j] = sum_i in[i] matrix[i][j] with lanes across the states j: nv vectors an i. */
-INLINE void NAME(across)(vec *out, const double *in, const vec *matrix, int K, int nv) {
+INLINE void NAME(across)(vec *out, const real *in, const vec *matrix, int K, int nv) {
     for (int v = 0; v < nv; v += 2) {
         const int two = v + 1 < nv;
         vec a = {0}, b = {0}, c = {0}, d = {0}; /* even and odd i apart: half the latency */
@@ -407,12 +470,13 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
     vec *tile = x + TILES * (m->D + 1); /* [nv W or Ke][TILES], zero behind the last state */
     vec *pairs = tile + TILES * (nv * W > Ke ? nv * W : Ke); /* [Ke][pairs] */
     vec *products = pairs + (int64_t)Ke * m->pairs;
-    double *scale = (double *)(products + TILES * CHUNK); /* [padded] */
+    real *scale = (real *)(products + TILES * CHUNK); /* [padded] */
     int64_t row[TILES * W];
 
     vec top[TILES];
-    double tops = 0.0, s = 1.0;
-    union { double number; int64_t bits; } r = {1.0};
+    double tops = 0.0;
+    real s = 1.0;
+    union { real number; whole bits; } r = {1.0};
     int64_t exponent = 0;
     memset(tile, 0, (char *)pairs - (char *)tile);
     for (int64_t t0 = 0; t0 < length; t0 += BLOCK) {
@@ -421,22 +485,22 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
         NAME(log_density)(m, x, tile);
         NAME(relative)(tile, K, top);
         for (int i = 0; i < BLOCK; i++) {
-            for (int j = 0; j < nv; j++) b[(t0 + i) * nv + j] = NAME(gather)((double *)tile + j * W * BLOCK + i, BLOCK);
-            if (t0 + i < length) tops += ((double *)top)[i];
+            for (int j = 0; j < nv; j++) b[(t0 + i) * nv + j] = NAME(gather)((real *)tile + j * W * BLOCK + i, BLOCK);
+            if (t0 + i < length) tops += ((real *)top)[i];
         }
         for (int64_t t = t0; t < t0 + BLOCK && t < length; t++) {
             vec sums = {0}, *at = alpha + t * nv;
-            if (t > 0) NAME(across)(at, (double *)(at - nv), forward, K, nv);
+            if (t > 0) NAME(across)(at, (real *)(at - nv), forward, K, nv);
             else memcpy(at, m->initial, sizeof(vec) * nv);
             for (int i = 0; i < nv; i++) sums += at[i] *= b[t * nv + i] * r.number;
-            exponent -= (r.bits >> 52) - 1023;
+            exponent -= (r.bits >> MANTISSA) - BIAS;
             s = NAME(sum)(sums);
-            if (!(s >= LEAST_SCALE)) {
+            if (!(s >= LEAST_SCALE && ((real *)top)[t - t0] >= FAINTEST)) {
                 job->failed[sequence] = 1;
                 return;
             }
             r.number = s;
-            r.bits = (2046LL << 52) - (r.bits & (2047LL << 52));
+            r.bits = 2 * ONE - (r.bits & (2 * ONE + ((whole)1 << MANTISSA)));
             scale[t] = r.number;
         }
     }
@@ -444,6 +508,7 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
     job->log_likelihood[sequence] = log(s) + (double)exponent * M_LN2 + tops;
     if (!job->statistics) return;
 
+    double *transitions = slot + (int64_t)K * m->n_pairs, *first = transitions + K * K;
     memset(v, 0, sizeof(vec) * (2 * BLOCK * nv + nv + K * nv));
     memset(pairs, 0, sizeof(vec) * Ke * m->pairs);
     for (int64_t t0 = padded - BLOCK; t0 >= 0; t0 -= BLOCK) {
@@ -453,9 +518,9 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
             vec *vt = v + i * nv, *at = alpha + t * nv;
             if (t + 1 < length) {
                 for (int j = 0; j < nv; j++) vt[j] = beta[j] * b[(t + 1) * nv + j] * scale[t];
-                NAME(across)(beta, (double *)vt, backward, K, nv);
+                NAME(across)(beta, (real *)vt, backward, K, nv);
             } else {
-                for (int j = 0; j < nv; j++) vt[j] = (vec){0}, beta[j] = NAME(all)(1.0 / s);
+                for (int j = 0; j < nv; j++) vt[j] = (vec){0}, beta[j] = NAME(all)(1 / s);
             }
             for (int j = 0; j < nv; j++) {
                 beta[j] = (vec)((at[j] > 0.0) & (ivec)beta[j]);
@@ -469,7 +534,7 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
                 const int down = k + 1 < K ? 1 : 0, right = j + 1 < nv ? 1 : 0;
                 vec s00 = {0}, s01 = {0}, s10 = {0}, s11 = {0};
                 for (int i = 0; i < n; i++) {
-                    const double *at = (double *)(alpha + (t0 + i) * nv) + k;
+                    const real *at = (real *)(alpha + (t0 + i) * nv) + k;
                     const vec *vt = v + i * nv + j;
                     s00 += at[0] * vt[0];
                     s01 += at[0] * vt[right];
@@ -482,18 +547,21 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
                 if (down && right) steps[(k + 1) * nv + j + 1] += s11;
             }
         for (int k = 0; k < K; k++)
-            for (int i = 0; i < TILES; i++) tile[k * TILES + i] = NAME(gather)((double *)(gamma + i * W * nv) + k, nv * W);
+            for (int i = 0; i < TILES; i++) tile[k * TILES + i] = NAME(gather)((real *)(gamma + i * W * nv) + k, nv * W);
         if (job->weights)
-            for (int i = 0; i < n; i++) memcpy(job->weights + (begin + t0 + i) * K, gamma + i * nv, sizeof(double) * K);
+            for (int i = 0; i < n; i++)
+                for (int k = 0; k < K; k++) job->weights[(begin + t0 + i) * K + k] = ((real *)(gamma + i * nv))[k];
         NAME(rows)(row, begin + t0, end);
         NAME(load)(m, job->frames, row, x);
         NAME(moments)(m, pairs, tile, x, products);
+        if (t0 % (DRAIN * W) == 0) {
+            NAME(drain)(pairs, m->pairs, K, m->n_pairs, slot);
+            for (int i = 0; i < K; i++)
+                for (int j = 0; j < K; j++) transitions[i * K + j] += ((real *)(steps + i * nv))[j];
+            memset(steps, 0, sizeof(vec) * K * nv);
+        }
     }
-    NAME(add_lanes)(pairs, m->pairs, K, m->n_pairs, slot);
-    double *transitions = slot + (int64_t)K * m->n_pairs, *first = transitions + K * K;
-    for (int i = 0; i < K; i++)
-        for (int j = 0; j < K; j++) transitions[i * K + j] += ((double *)(steps + i * nv))[j];
-    for (int k = 0; k < K; k++) first[k] += ((double *)gamma)[k];
+    for (int k = 0; k < K; k++) first[k] += ((real *)gamma)[k];
 }
 
 /* A mixture: no dynamics, so every frame is alone with the weights of the states. Group g is frames from g * PIECE on. */
@@ -504,7 +572,9 @@ FN void NAME(mixture)(const Job *job, int g, double *space, double *slot) {
     vec *x = (vec *)space, *tile = x + TILES * (m->D + 1), *pairs = tile + TILES * Ke;
     vec *products = pairs + (int64_t)Ke * m->pairs;
     int64_t row[TILES * W];
+    const real *log_weights = m->log_initial;
     vec top[TILES];
+    ivec failed = {0};
     LogSum logs = NAME(no_log)();
     memset(pairs, 0, sizeof(vec) * Ke * m->pairs);
     for (int64_t t0 = begin; t0 < end; t0 += BLOCK) {
@@ -512,7 +582,7 @@ FN void NAME(mixture)(const Job *job, int g, double *space, double *slot) {
         NAME(load)(m, job->frames, row, x);
         NAME(log_density)(m, x, tile);
         for (int k = 0; k < K; k++)
-            for (int i = 0; i < TILES; i++) tile[k * TILES + i] += m->log_initial[k];
+            for (int i = 0; i < TILES; i++) tile[k * TILES + i] += log_weights[k];
         NAME(relative)(tile, K, top);
         if (Ke > K) memset(tile + K * TILES, 0, sizeof(vec) * TILES);
         for (int i = 0; i < TILES; i++) {
@@ -520,6 +590,7 @@ FN void NAME(mixture)(const Job *job, int g, double *space, double *slot) {
             for (int k = 0; k < K; k++) s += h[k * TILES];
             const int64_t left = end - t0 - i * W;
             const ivec alive = NAME(mask)(left >= W ? (1u << W) - 1 : left > 0 ? (1u << left) - 1 : 0);
+            failed |= alive & ~(top[i] >= FAINTEST);
             const vec r = (vec)(alive & (ivec)(1.0 / s));
             for (int k = 0; k < K; k++) h[k * TILES] *= r;
             NAME(add_log)(&logs, SELECT(alive, s, NAME(all)(1.0)), (vec)(alive & (ivec)top[i]));
@@ -530,10 +601,11 @@ FN void NAME(mixture)(const Job *job, int g, double *space, double *slot) {
     }
     NAME(add_lanes)(pairs, m->pairs, K, m->n_pairs, slot);
     double total = 0.0;
-    for (int l = 0; l < W; l++) total += NAME(take_log)(&logs, l);
+    for (int l = 0; l < W; l++) total += failed[l] ? NAN : NAME(take_log)(&logs, l);
     job->log_likelihood[g] = total;
 }
 
+#ifndef SINGLE
 /* Viterbi of one sequence: lanes across frames for densities, across states for the best way here. Of equally good ways the first. */
 FN void NAME(decode)(const Job *job, int64_t sequence, double *space, int64_t *path, double *score) {
     const Model *m = job->model;
@@ -605,9 +677,10 @@ FN int NAME(tick)(Tick *f, const double *xi) {
     for (int l = 1; l < W; l++) best = tops[l] > best ? tops[l] : best;
     if (f->state[FRESH] != 0.0) memcpy(predicted, f->initial, sizeof(vec) * nv);
     else NAME(across)(predicted, f->weights, (const vec *)f->chain, K, nv);
+    const vec least = NAME(larger)(NAME(all)(-f->gate), NAME(all)(LEAST_EXPONENT));
     vec sums = {0}, largest = {0};
     for (int v = 0; v < nv; v++) {
-        h[v] = predicted[v] * NAME(exp)(NAME(larger)(log_b[v] - best, NAME(all)(-f->gate)));
+        h[v] = predicted[v] * NAME(exp)(NAME(larger)(log_b[v] - best, least));
         sums += h[v];
         largest = NAME(larger)(largest, h[v]);
     }
@@ -642,20 +715,70 @@ FN void NAME(line)(const Line *r, const double *weights, const double *x, double
     }
 }
 
-/* One lane of n columns becomes n numbers side by side. */
-INLINE void NAME(path)(double *to, const double *from, int n) {
-    int i = 0;
-    for (; i + W <= n; i += W) {
-        const vec v = NAME(gather)(from + (ptrdiff_t)i * TILES * W, TILES * W);
-        memcpy(to + i, &v, sizeof v);
+#endif
+
+/* -------------------------------------------------------------------------------------------------- roll-outs */
+
+/* n <= W numbers. The usual n = W has a branch of its own: then a compiler needs no call. */
+INLINE void NAME(put)(double *to, vec v, int n) {
+    const NAME(wide) all = __builtin_convertvector(v, NAME(wide));
+    if (n == W) memcpy(to, &all, sizeof all);
+    else for (int i = 0; i < n; i++) to[i] = v[i];
+}
+
+INLINE vec NAME(take)(const double *from, int n) {
+    NAME(wide) all = {0};
+    if (n == W) memcpy(&all, from, sizeof all);
+    else for (int i = 0; i < n; i++) all[i] = from[i];
+    return __builtin_convertvector(all, vec);
+}
+
+/* n rows of a block [n][TILES] leave for each lane's own array, where they are n numbers side by side. */
+INLINE void NAME(leave)(const vec *block, double *const *to, int n) {
+    for (int c = 0; c < n; c += W) {
+        const int some = n - c < W ? n - c : W;
+        vec a[W];
+        for (int r = 0; r < W; r++) a[r] = block[(c + r) * TILES];
+        NAME(transpose)(a);
+        for (int l = 0; l < W && to[l]; l++) {
+            NAME(put)(to[l] + c, a[l], some);
+            for (int i = c; i < c + W; i += LINE) __builtin_prefetch(to[l] + n + i + LINE, 1);
+        }
     }
-    for (; i < n; i++) to[i] = from[(ptrdiff_t)i * TILES * W];
+}
+
+/* And the way back. */
+INLINE void NAME(enter)(vec *block, const double *const *from, int n) {
+    for (int c = 0; c < n; c += W) {
+        const int some = n - c < W ? n - c : W;
+        vec a[W];
+        for (int l = 0; l < W; l++) {
+            a[l] = NAME(take)(from[l] + c, some);
+            for (int i = c; i < c + W; i += LINE) __builtin_prefetch(from[l] + n + i + LINE);
+        }
+        NAME(transpose)(a);
+        for (int r = 0; r < some; r++) block[(c + r) * TILES] = a[r];
+    }
+}
+
+/* out[j] = sum_k h[k] matrix[k][j] for a block h [K][TILES]: four tiles and two columns at a time keep both multipliers busy. */
+INLINE void NAME(blend)(vec *out, const vec *h, const real *matrix, int K, int columns) {
+    for (int j = 0; j < columns; j += 2, matrix += 2, out += 2 * TILES)
+        for (int half = 0; half < TILES; half += 4) {
+            const vec *at = h + half;
+            const real *a = matrix;
+            vec s[2][4] = {{{0}}};
+            for (int k = 0; k < K; k++, at += TILES, a += columns)
+                for (int i = 0; i < 4; i++) s[0][i] += a[0] * at[i], s[1][i] += a[1] * at[i];
+            for (int i = 0; i < 4; i++) out[half + i] = s[0][i], out[TILES + half + i] = s[1][i];
+        }
 }
 
 /* TILES x W roll-outs at once, lanes across them: filter, regression, Euler. The gate keeps a weight from being forgotten and a
  * frame without explanation from deciding alone, exactly as in a tick. */
 FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
     const Model *m = job->model;
+    const real *initial = m->initial, gate = (real)job->gate, dt = (real)job->dt;
     const int K = m->K, Ke = m->Ke, D = m->D, d = job->n_axes, f = job->n_forces, n_in = d + f, BLOCK = TILES * W;
     const int64_t begin = (int64_t)g * BLOCK, T = job->length;
     const int channels = 2 * d + f;
@@ -667,27 +790,26 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
     vec *forces = next + TILES * job->columns;     /* [RUN][f][TILES] */
     vec *positions = forces + RUN * f * TILES;     /* [RUN][d][TILES] */
     vec *velocities = positions + RUN * d * TILES; /* [RUN][d][TILES] */
+    const vec least = NAME(larger)(NAME(all)(-gate), NAME(all)(LEAST_EXPONENT));
     int64_t who[TILES * W];
     for (int i = 0; i < BLOCK; i++) {
         who[i] = begin + i < job->n ? begin + i : job->n - 1; /* lanes left over repeat the last */
-        for (int a = 0; a < d; a++) ((double *)now)[a * BLOCK + i] = job->start[who[i] * d + a];
-        for (int a = 0; a < d; a++) ((double *)now)[(n_in + a) * BLOCK + i] = 0.0;
+        for (int a = 0; a < d; a++) ((real *)now)[a * BLOCK + i] = (real)job->start[who[i] * d + a];
+        for (int a = 0; a < d; a++) ((real *)now)[(n_in + a) * BLOCK + i] = 0;
     }
     for (int k = 0; k < K; k++)
-        for (int i = 0; i < TILES; i++) next[k * TILES + i] = NAME(all)(m->initial[k]);
+        for (int i = 0; i < TILES; i++) next[k * TILES + i] = NAME(all)(initial[k]);
     for (int64_t t = 0; t < T; t++) { /* paths leave every RUN steps: to touch 192 rows at each would cost more than all arithmetic */
         const int run = (int)(t % RUN);
         if (run == 0)
             for (int i = 0; i < TILES; i++) {
                 const double *from[W];
                 for (int l = 0; l < W; l++) from[l] = job->force + (who[i * W + l] * job->force_step + t) * f;
-#define AT(l) from[l][a]
-                for (int a = 0; a < f * (T - t < RUN ? T - t : RUN); a++) forces[a * TILES + i] = EACH(AT);
-#undef AT
+                NAME(enter)(forces + i, from, f * (int)(T - t < RUN ? T - t : RUN));
             }
         memcpy(now + d * TILES, forces + run * f * TILES, sizeof(vec) * f * TILES);
         for (int c = 0; c < D; c++)
-            for (int i = 0; i < TILES; i++) x[c * TILES + i] = now[job->source[c] * TILES + i] - m->origin[c];
+            for (int i = 0; i < TILES; i++) x[c * TILES + i] = now[job->source[c] * TILES + i] - (real)m->origin[c];
         NAME(log_density)(m, x, b);
         vec top[TILES], s[TILES] = {{0}};
         for (int i = 0; i < TILES; i++) top[i] = b[i];
@@ -695,13 +817,13 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
             for (int i = 0; i < TILES; i++) top[i] = NAME(larger)(top[i], b[k * TILES + i]);
         for (int k = 0; k < K; k++)
             for (int i = 0; i < TILES; i++) {
-                const vec lead = NAME(larger)(b[k * TILES + i] - top[i], NAME(all)(-job->gate));
+                const vec lead = NAME(larger)(b[k * TILES + i] - top[i], least);
                 s[i] += h[k * TILES + i] = NAME(exp)(lead) * next[k * TILES + i];
             }
-        for (int i = 0; i < TILES; i++) s[i] = 1.0 / NAME(larger)(s[i], NAME(all)(1e-300));
+        for (int i = 0; i < TILES; i++) s[i] = 1.0 / NAME(larger)(s[i], NAME(all)(LEAST_SUM));
         for (int k = 0; k < K; k++)
             for (int i = 0; i < TILES; i++) h[k * TILES + i] *= s[i];
-        for (int i = 0; i < TILES; i++) NAME(product)(next + i, TILES, h + i, job->matrix, K, job->columns);
+        NAME(blend)(next, h, job->matrix, K, job->columns);
         const vec *slope = next + K * TILES; /* [d][1 + n_in][TILES]: the states' lines, blended, and then at the input */
         for (int o = 0; o < d; o++, slope += (1 + n_in) * TILES)
             for (int i = 0; i < TILES; i++) {
@@ -712,27 +834,50 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
         memcpy(positions + run * d * TILES, now, sizeof(vec) * d * TILES);
         memcpy(velocities + run * d * TILES, now + n_in * TILES, sizeof(vec) * d * TILES);
         if (run == RUN - 1 || t == T - 1)
-            for (int64_t i = 0; i < BLOCK && begin + i < job->n; i++) {
-                const int64_t to = ((begin + i) * T + t - run) * d;
-                NAME(path)(job->position + to, (double *)positions + i, (run + 1) * d);
-                NAME(path)(job->velocity + to, (double *)velocities + i, (run + 1) * d);
+            for (int i = 0; i < TILES; i++) {
+                double *x_to[W], *v_to[W];
+                for (int l = 0; l < W; l++) {
+                    const int64_t lane = begin + i * W + l, to = (lane * T + t - run) * d;
+                    x_to[l] = lane < job->n ? job->position + to : NULL;
+                    v_to[l] = lane < job->n ? job->velocity + to : NULL;
+                }
+                NAME(leave)(positions + i, x_to, (run + 1) * d);
+                NAME(leave)(velocities + i, v_to, (run + 1) * d);
             }
         for (int o = 0; o < d; o++)
-            for (int i = 0; i < TILES; i++) now[o * TILES + i] += job->dt * now[(n_in + o) * TILES + i];
+            for (int i = 0; i < TILES; i++) now[o * TILES + i] += dt * now[(n_in + o) * TILES + i];
     }
 }
 
 static const Level NAME(level) = {
-    LEVEL_NAME, W, NAME(group), NAME(alone), NAME(mixture), NAME(decode), NAME(tick), NAME(line), NAME(rollouts),
+#ifdef SINGLE
+    LEVEL_NAME, W, sizeof(vec) / sizeof(double), NULL, NAME(group), NAME(alone), NAME(mixture), NULL, NULL, NULL, NAME(rollouts),
+#else
+    LEVEL_NAME, W, W, &SINGLE_LEVEL, NAME(group), NAME(alone), NAME(mixture), NAME(decode), NAME(tick), NAME(line), NAME(rollouts),
+#endif
 };
 
 #undef vec
 #undef ivec
+#undef real
+#undef whole
+#undef ONE
+#undef MANTISSA
+#undef BIAS
+#undef LEAST_EXPONENT
+#undef LEAST_LOG_DENSITY
+#undef FAINTEST
+#undef LEAST_SCALE
+#undef LEAST_SUM
 #undef FN
 #undef INLINE
 #undef SELECT
 #undef EACH
+#undef LOWER
+#undef UPPER
 #undef LogSum
+#undef LARGER
+#undef SINGLE
 #undef W
 #undef NAME
 #undef TARGET

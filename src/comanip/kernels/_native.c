@@ -24,13 +24,13 @@
 
 #define TILES 8               /* vectors in flight: a multiplication takes 4 cycles and 2 start in each */
 #define CHUNK 36              /* products x_i x_j kept at a time: TILES x CHUNK vectors fit in L1; even */
-#define RUN 8                 /* steps of a roll-out between visits to its own arrays */
+#define RUN 32                /* steps of a roll-out between visits to its own arrays; a multiple of any number of lanes */
+#define LINE 8                /* float64 numbers in a cache line */
 #define PIECE 4096            /* frames of a mixture that make one unit of work */
 #define SLOTS 16              /* partial sums, whatever the number of threads: the same order of additions, the same bits */
 #define MOST_CHANNELS 256
 #define MOST_THREADS 64
-#define LEAST_LOG_DENSITY -1e100 /* as in models/gaussian.py */
-#define LEAST_SCALE 1e-280    /* below it what was lost under 1e-308 could matter: the sequence goes to the logarithmic twin */
+#define DRAIN 512             /* frames of a lane whose moments are summed before they join the sums in float64 */
 #define UNBELIEVABLE 1e100    /* as in models/filtering.py */
 #define HOPELESS 2.0611536224385579e-09 /* exp(-20), as in models/filtering.py */
 
@@ -39,10 +39,11 @@ enum { FRESH, HOPELESS_TICKS, RESTARTS, LAST_LOG_LIKELIHOOD, LOG_LIKELIHOOD, STA
 typedef struct {             /* Gaussians and a chain, laid out for the recursions */
     int D, K, Ke, nv;        /* channels, states, states made even, vectors that hold one number a state */
     int n_pairs, pairs;      /* products x_i x_j of (x, 1), and that made even */
-    double *origin, *factors, *centres, *peak; /* Whitening; factors packed (K, D (D + 1) / 2) */
-    double *initial, *log_initial;
-    double *forward, *backward;               /* [Ke][Ke] a_ij and its transpose */
-    double *forward_across, *backward_across; /* [K][nv W] the same for lanes across states */
+    double *origin;
+    void *factors, *centres, *peak; /* Whitening; factors packed (K, D (D + 1) / 2). All but `origin` in the level's precision */
+    void *initial, *log_initial;
+    void *forward, *backward;               /* [Ke][Ke] a_ij and its transpose */
+    void *forward_across, *backward_across; /* [K][nv W] the same for lanes across states */
 } Model;
 
 typedef struct {
@@ -74,15 +75,16 @@ typedef struct {
     int n_axes, n_forces;
     int64_t n, length, force_step; /* force_step: T when every roll-out has its own forces, else 0 */
     const double *start, *force;
-    const double *matrix;          /* (K, columns) the chain, and each axis' line: offset, gains; `columns` is even */
+    const void *matrix;            /* (K, columns) the chain, and each axis' line: offset, gains; `columns` is even */
     int columns;
     const int64_t *source;         /* (D) which of (position, force, velocity) each channel of the evidence is */
     double gate, dt, *position, *velocity;
 } Rollouts;
 
-typedef struct {
+typedef struct Level {
     const char *name;
-    int lanes;
+    int lanes, vector;           /* numbers in a vector; its size in float64 numbers */
+    const struct Level *single;  /* the same instruction set with float32 */
     void (*group)(const Job *, int, double *, double *);
     void (*alone)(const Job *, int64_t, double *, double *);
     void (*mixture)(const Job *, int, double *, double *);
@@ -92,22 +94,59 @@ typedef struct {
     void (*rollouts)(const Rollouts *, int, double *);
 } Level;
 
-typedef double Two __attribute__((vector_size(16)));
 typedef double Four __attribute__((vector_size(32)));
 
+#if defined(__clang__) || __GNUC__ >= 12
+#define SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#define SHUFFLE(a, b, ...) __builtin_shuffle(a, b, (ivec){__VA_ARGS__})
+#endif
+typedef float Four32 __attribute__((vector_size(16)));
+typedef float Eight32 __attribute__((vector_size(32)));
+
 #if defined(__x86_64__)
-#define W 8
-#define NAME(x) x##_avx512
-#define TARGET __attribute__((target("avx512f,avx512dq,avx512vl,avx512bw,avx2,fma")))
+#include <immintrin.h>
+#define AVX512 __attribute__((target("avx512f,avx512dq,avx512vl,avx512bw,avx2,fma")))
+#define AVX2 __attribute__((target("avx2,fma")))
+#define SINGLE
+#define W 16
+#define NAME(x) x##_avx512_single
+#define TARGET AVX512
+#define LARGER(a, b) _mm512_max_ps(a, b)
 #define LEVEL_NAME "avx512"
 #include "_lanes.h"
-#define W 4
-#define NAME(x) x##_avx2
-#define TARGET __attribute__((target("avx2,fma")))
+#define SINGLE_LEVEL level_avx512_single
+#define W 8
+#define NAME(x) x##_avx512
+#define TARGET AVX512
+#define LARGER(a, b) _mm512_max_pd(a, b)
+#define LEVEL_NAME "avx512"
+#include "_lanes.h"
+#undef SINGLE_LEVEL
+#define SINGLE
+#define W 8
+#define NAME(x) x##_avx2_single
+#define TARGET AVX2
+#define LARGER(a, b) _mm256_max_ps(a, b)
 #define LEVEL_NAME "avx2"
 #include "_lanes.h"
+#define SINGLE_LEVEL level_avx2_single
+#define W 4
+#define NAME(x) x##_avx2
+#define TARGET AVX2
+#define LARGER(a, b) _mm256_max_pd(a, b)
+#define LEVEL_NAME "avx2"
+#include "_lanes.h"
+#undef SINGLE_LEVEL
 #endif
-#define W 2 /* SSE2 and NEON, and what a compiler makes of two numbers elsewhere */
+#define SINGLE
+#define W 4 /* SSE2 and NEON, and what a compiler makes of four numbers elsewhere */
+#define NAME(x) x##_plain_single
+#define TARGET
+#define LEVEL_NAME "plain"
+#include "_lanes.h"
+#define SINGLE_LEVEL level_plain_single
+#define W 2
 #define NAME(x) x##_plain
 #define TARGET
 #define LEVEL_NAME "plain"
@@ -135,7 +174,6 @@ static int runs_here(const Level *level) {
 /* Numbers below 1e-308 cost a hundred cycles each and mean nothing here. They are flushed to zero while a kernel runs, in its own
  * thread, and the thread gets its mode back: a library that switches the whole process changes other people's results. */
 #if defined(__x86_64__)
-#include <immintrin.h>
 typedef unsigned Mode;
 static Mode flush_denormals(void) {
     const Mode before = _mm_getcsr();
@@ -225,46 +263,58 @@ static Py_ssize_t count_of(PyObject *object) {
 
 static double *carve(double **from, size_t n) {
     double *block = *from;
-    *from += (n + 7) / 8 * 8;
+    *from += (n + 15) / 16 * 16; /* whole vectors in float32, too */
     return block;
 }
 
-static int vectors(int n) { return (n + active->lanes - 1) / active->lanes; }
+static int vectors(int n, int lanes) { return (n + lanes - 1) / lanes; }
 
-/* Takes apart a Whitening; `transition` may be NULL for a mixture. Gives the block to free, or NULL. */
-static double *lay_out(Model *m, int D, int K, const double *origin, const double *factors, const double *centres,
+/* All from `factors` to `end` becomes float32, in place. */
+static void narrow(Model *m, const double *end) {
+    char *base = m->factors;
+    void **const at[] = {&m->factors, &m->centres, &m->peak, &m->initial, &m->log_initial, &m->forward, &m->backward,
+                         &m->forward_across, &m->backward_across};
+    for (ptrdiff_t i = 0, n = end - (double *)m->factors; i < n; i++) {
+        double number;
+        memcpy(&number, base + i * sizeof(double), sizeof number);
+        const float narrower = (float)number;
+        memcpy(base + i * sizeof(float), &narrower, sizeof narrower);
+    }
+    for (size_t i = 0; i < sizeof at / sizeof *at; i++) *at[i] = base + ((char *)*at[i] - base) / 2;
+}
+
+/* Takes apart a Whitening for `level`; `transition` may be NULL for a mixture. Gives the block to free, or NULL. */
+static double *lay_out(const Level *level, Model *m, int D, int K, const double *origin, const double *factors, const double *centres,
                        const double *peak, const double *initial, const double *transition) {
-    const int Ke = K + (K & 1), nv = vectors(K), Kp = nv * active->lanes, triangle = D * (D + 1) / 2;
+    const int Ke = K + (K & 1), nv = vectors(K, level->lanes), Kp = nv * level->lanes, triangle = D * (D + 1) / 2;
     m->D = D, m->K = K, m->Ke = Ke, m->nv = nv;
     m->n_pairs = (D + 1) * (D + 2) / 2;
     m->pairs = m->n_pairs + (m->n_pairs & 1);
-    const size_t size = D + (size_t)K * triangle + K * D + K + 2 * (Kp + 2) + 2 * (size_t)Ke * Ke + 2 * (size_t)K * Kp + 128;
+    const size_t size = D + (size_t)K * triangle + K * D + K + 2 * (Kp + 2) + 2 * (size_t)Ke * Ke + 2 * (size_t)K * Kp + 256;
     double *block = aligned(size), *free_from = block;
     if (!block) return NULL;
     memset(block, 0, size * sizeof(double));
     m->origin = carve(&free_from, D);
-    m->factors = carve(&free_from, (size_t)K * triangle);
+    double *packed = m->factors = carve(&free_from, (size_t)K * triangle);
     m->centres = carve(&free_from, (size_t)K * D);
     m->peak = carve(&free_from, K);
-    m->initial = carve(&free_from, Kp + 2);
-    m->log_initial = carve(&free_from, Kp + 2);
-    m->forward = carve(&free_from, (size_t)Ke * Ke);
-    m->backward = carve(&free_from, (size_t)Ke * Ke);
-    m->forward_across = carve(&free_from, (size_t)K * Kp);
-    m->backward_across = carve(&free_from, (size_t)K * Kp);
+    double *first = m->initial = carve(&free_from, Kp + 2), *log_first = m->log_initial = carve(&free_from, Kp + 2);
+    double *forward = m->forward = carve(&free_from, (size_t)Ke * Ke), *backward = m->backward = carve(&free_from, (size_t)Ke * Ke);
+    double *forward_across = m->forward_across = carve(&free_from, (size_t)K * Kp);
+    double *backward_across = m->backward_across = carve(&free_from, (size_t)K * Kp);
     memcpy(m->origin, origin, sizeof(double) * D);
     memcpy(m->centres, centres, sizeof(double) * K * D);
     memcpy(m->peak, peak, sizeof(double) * K);
-    double *to = m->factors;
     for (int row = 0; row < K * D; row++)
-        for (int e = 0; e <= row % D; e++) *to++ = factors[(size_t)row * D + e];
-    for (int i = 0; i < K; i++) m->log_initial[i] = m->initial[i] = initial[i];
+        for (int e = 0; e <= row % D; e++) *packed++ = factors[(size_t)row * D + e];
+    for (int i = 0; i < K; i++) log_first[i] = first[i] = initial[i];
     for (int i = 0; i < K && transition; i++)
         for (int j = 0; j < K; j++) {
             const double a = transition[i * K + j];
-            m->forward[i * Ke + j] = m->backward[j * Ke + i] = a;
-            m->forward_across[i * Kp + j] = m->backward_across[j * Kp + i] = a;
+            forward[i * Ke + j] = backward[j * Ke + i] = a;
+            forward_across[i * Kp + j] = backward_across[j * Kp + i] = a;
         }
+    if (!level->single) narrow(m, free_from);
     return block;
 }
 
@@ -298,13 +348,14 @@ static void *work(void *argument) {
     return NULL;
 }
 
-static size_t common_space(const Model *m, int lanes) { /* what does not grow with the length of a sequence */
+static size_t common_space(const Model *m, const Level *level) { /* what does not grow with the length of a sequence */
     const size_t Ke = m->Ke;
-    return lanes * (Ke * m->pairs + Ke * Ke + 4 * TILES * Ke + 4 * Ke + TILES * CHUNK + TILES * (m->D + 1)) + 64;
+    return level->vector * (Ke * m->pairs + Ke * Ke + 4 * TILES * Ke + 4 * Ke + TILES * CHUNK + TILES * (m->D + 1)) + 64;
 }
 
-static size_t space_of(const Job *job, int g, int lanes) {
+static size_t space_of(const Job *job, int g, const Level *level) {
     const Model *m = job->model;
+    const int lanes = level->lanes;
     const int64_t *lane = job->lanes + (int64_t)g * lanes;
     int64_t length = 0;
     for (int l = 0; l < lanes; l++) {
@@ -314,10 +365,11 @@ static size_t space_of(const Job *job, int g, int lanes) {
     }
     if (lane[lanes] - lane[0] == 1) {
         const size_t block = TILES * lanes, padded = (length + block - 1) / block * block;
-        return common_space(m, lanes) + padded * (2 * m->nv * lanes + 1) + lanes * m->nv * (2 * block + 1 + m->K + TILES * lanes);
+        return common_space(m, level) + padded * (2 * m->nv * level->vector + 1) +
+               level->vector * m->nv * (2 * block + 1 + m->K + TILES * lanes);
     }
     const size_t padded = (length + TILES - 1) / TILES * TILES;
-    return common_space(m, lanes) + padded * lanes * (m->D + 1 + 2 * m->Ke + 2) + padded / 8 + 8;
+    return common_space(m, level) + padded * (level->vector * (m->D + 1 + 2 * m->Ke + 1) + lanes) + padded / 4 + 8;
 }
 
 /* Runs all groups and leaves the sum of all slots in w->slots; -1 without memory. */
@@ -367,16 +419,17 @@ static int plan_is_sound(const int64_t *starts, int64_t S, int64_t N, const int6
 static PyObject *e_step(PyObject *self, PyObject *args) {
     PyObject *frames, *starts, *order, *lanes, *initial, *transition, *origin, *factors, *centres, *peak, *moments, *transitions,
         *first, *log_likelihood, *failed, *weights;
-    int n_threads;
+    int n_threads, single;
     (void)self;
-    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOOOOOOi", &frames, &starts, &order, &lanes, &initial, &transition, &origin, &factors,
-                          &centres, &peak, &moments, &transitions, &first, &log_likelihood, &failed, &weights, &n_threads))
+    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOOOOOOii", &frames, &starts, &order, &lanes, &initial, &transition, &origin, &factors,
+                          &centres, &peak, &moments, &transitions, &first, &log_likelihood, &failed, &weights, &n_threads, &single))
         return NULL;
+    const Level *level = single ? active->single : active;
     const Py_ssize_t D = count_of(origin), K = count_of(peak), S = count_of(starts) - 1, n_order = count_of(order);
     const Py_ssize_t n_lanes = count_of(lanes) - 1, N = D > 0 ? count_of(frames) / D : 0;
     if (PyErr_Occurred()) return NULL;
-    if (D < 1 || K < 1 || S < 1 || n_lanes < active->lanes || n_lanes % active->lanes)
-        return PyErr_Format(PyExc_ValueError, "nothing to do, or a plan for other lanes than %d", active->lanes);
+    if (D < 1 || K < 1 || S < 1 || n_lanes < level->lanes || n_lanes % level->lanes)
+        return PyErr_Format(PyExc_ValueError, "nothing to do, or a plan for other lanes than %d", level->lanes);
     Arrays arrays = {.n = 0};
     PyObject *result = NULL;
     Model model;
@@ -399,15 +452,15 @@ static PyObject *e_step(PyObject *self, PyObject *args) {
         PyErr_SetString(PyExc_ValueError, "the plan does not fit the sequences");
         goto done;
     }
-    if (!(block = lay_out(&model, (int)D, (int)K, o, f, c, p, pi, a))) {
+    if (!(block = lay_out(level, &model, (int)D, (int)K, o, f, c, p, pi, a))) {
         PyErr_NoMemory();
         goto done;
     }
-    Work w = {.job = &job, .level = active, .n_groups = (int)(n_lanes / active->lanes)};
+    Work w = {.job = &job, .level = level, .n_groups = (int)(n_lanes / level->lanes)};
     w.n_slots = w.n_groups < SLOTS ? w.n_groups : SLOTS;
     w.slot_size = ((size_t)K * model.n_pairs + K * K + K + 7) / 8 * 8;
     for (int g = 0; g < w.n_groups; g++) {
-        const size_t size = space_of(&job, g, active->lanes);
+        const size_t size = space_of(&job, g, level);
         w.space_size = size > w.space_size ? size : w.space_size;
     }
     if (run(&w, n_threads) < 0) {
@@ -432,10 +485,12 @@ done:
 
 static PyObject *mixture(PyObject *self, PyObject *args) {
     PyObject *frames, *log_weights, *origin, *factors, *centres, *peak, *moments, *weights;
-    int n_threads;
+    int n_threads, single;
     (void)self;
-    if (!PyArg_ParseTuple(args, "OOOOOOOOi", &frames, &log_weights, &origin, &factors, &centres, &peak, &moments, &weights, &n_threads))
+    if (!PyArg_ParseTuple(args, "OOOOOOOOii", &frames, &log_weights, &origin, &factors, &centres, &peak, &moments, &weights, &n_threads,
+                          &single))
         return NULL;
+    const Level *level = single ? active->single : active;
     const Py_ssize_t D = count_of(origin), K = count_of(peak), N = D > 0 ? count_of(frames) / D : 0;
     if (PyErr_Occurred()) return NULL;
     if (D < 1 || K < 1 || N < 1) return PyErr_Format(PyExc_ValueError, "nothing to do");
@@ -449,13 +504,13 @@ static PyObject *mixture(PyObject *self, PyObject *args) {
     double *m_out = RESULT(moments, K * (D + 1) * (D + 1)), *block = NULL;
     if (weights != Py_None) job.weights = RESULT(weights, N * K);
     if (PyErr_Occurred()) goto done;
-    Work w = {.job = &job, .level = active, .n_groups = (int)((N + PIECE - 1) / PIECE), .mixture = 1};
+    Work w = {.job = &job, .level = level, .n_groups = (int)((N + PIECE - 1) / PIECE), .mixture = 1};
     w.n_slots = w.n_groups < SLOTS ? w.n_groups : SLOTS;
     job.log_likelihood = malloc(sizeof(double) * w.n_groups);
-    block = lay_out(&model, (int)D, (int)K, o, f, c, p, pi, NULL);
+    block = lay_out(level, &model, (int)D, (int)K, o, f, c, p, pi, NULL);
     if (job.log_likelihood && block) {
         w.slot_size = ((size_t)K * model.n_pairs + 7) / 8 * 8;
-        w.space_size = common_space(&model, active->lanes);
+        w.space_size = common_space(&model, level);
     }
     if (!job.log_likelihood || !block || run(&w, n_threads) < 0) {
         PyErr_NoMemory();
@@ -492,8 +547,8 @@ static PyObject *decode(PyObject *self, PyObject *args) {
     int64_t *states = RESULT(path, N);
     double *block = NULL, score = 0.0;
     if (PyErr_Occurred()) goto done;
-    block = lay_out(&model, (int)D, (int)K, o, f, c, p, pi, a);
-    const size_t size = block ? common_space(&model, active->lanes) + ((size_t)N * model.nv * active->lanes) / 8 + 64 : 0;
+    block = lay_out(active, &model, (int)D, (int)K, o, f, c, p, pi, a);
+    const size_t size = block ? common_space(&model, active) + ((size_t)N * model.nv * active->lanes) / 8 + 64 : 0;
     double *space = block ? take_space(size) : NULL;
     if (!space) {
         PyErr_NoMemory();
@@ -516,12 +571,13 @@ done:
 static PyObject *rollouts(PyObject *self, PyObject *args) {
     PyObject *start, *force, *source, *initial, *origin, *factors, *centres, *peak, *matrix, *position, *velocity;
     double gate, dt;
-    int n_threads;
+    int n_threads, single;
     Py_ssize_t d, f, n, T;
     (void)self;
-    if (!PyArg_ParseTuple(args, "nnnnOOOOOOOOOddOOi", &d, &f, &n, &T, &start, &force, &source, &initial, &origin,
-                          &factors, &centres, &peak, &matrix, &gate, &dt, &position, &velocity, &n_threads))
+    if (!PyArg_ParseTuple(args, "nnnnOOOOOOOOOddOOii", &d, &f, &n, &T, &start, &force, &source, &initial, &origin,
+                          &factors, &centres, &peak, &matrix, &gate, &dt, &position, &velocity, &n_threads, &single))
         return NULL;
+    const Level *level = single ? active->single : active;
     const Py_ssize_t D = count_of(origin), K = count_of(peak), n_force = count_of(force);
     if (PyErr_Occurred()) return NULL;
     if (D < 1 || K < 1 || d < 1 || f < 0 || n < 1 || T < 1 || (n_force != T * f && n_force != n * T * f))
@@ -537,7 +593,7 @@ static PyObject *rollouts(PyObject *self, PyObject *args) {
     const double *pi = NUMBERS(initial, K), *o = NUMBERS(origin, D), *fa = NUMBERS(factors, K * D * D);
     const double *c = NUMBERS(centres, K * D), *p = NUMBERS(peak, K);
     job.columns = (int)(K + d * (1 + d + f) + 1) / 2 * 2;
-    job.matrix = NUMBERS(matrix, K * job.columns);
+    job.matrix = take(&arrays, matrix, 0, K * job.columns, single ? 4 : 8, "matrix");
     job.position = RESULT(position, n * T * d);
     job.velocity = RESULT(velocity, n * T * d);
     double *block = NULL;
@@ -547,11 +603,10 @@ static PyObject *rollouts(PyObject *self, PyObject *args) {
             PyErr_SetString(PyExc_ValueError, "a channel of the evidence has no source");
             goto done;
         }
-    block = lay_out(&model, (int)D, (int)K, o, fa, c, p, pi, NULL);
-    const Level *level = active;
+    block = lay_out(level, &model, (int)D, (int)K, o, fa, c, p, pi, NULL);
     Work w = {.rollouts = &job, .level = level, .n_groups = (int)((n + TILES * level->lanes - 1) / (TILES * level->lanes))};
     w.n_slots = w.n_groups;
-    w.space_size = block ? common_space(&model, level->lanes) + (size_t)level->lanes * TILES * ((RUN + 1) * (2 * d + f) + job.columns) : 0;
+    w.space_size = block ? common_space(&model, level) + (size_t)level->vector * TILES * ((RUN + 1) * (2 * d + f) + job.columns) : 0;
     if (!block || run(&w, n_threads) < 0) {
         PyErr_NoMemory();
         goto done;
@@ -602,7 +657,7 @@ static PyObject *filter_new(PyTypeObject *type, PyObject *args, PyObject *keywor
         goto wrong;
     Tick *t = &self->tick;
     self->level = active;
-    t->D = (int)D, t->K = (int)K, t->nv = vectors((int)K), t->gate = gate, t->patience = patience;
+    t->D = (int)D, t->K = (int)K, t->nv = vectors((int)K, active->lanes), t->gate = gate, t->patience = patience;
     const size_t Kp = (size_t)t->nv * active->lanes, triangle = D * (D + 1) / 2;
     const size_t size = D + Kp * (triangle + D + K + 5) + 128;
     double *from = self->block = aligned(size);
@@ -690,7 +745,7 @@ static PyObject *lines_new(PyTypeObject *type, PyObject *args, PyObject *keyword
     Arrays arrays = {.n = 0};
     const double *g = NUMBERS(gains, (Py_ssize_t)n_states * n_out * n_in), *o = NUMBERS(offsets, (Py_ssize_t)n_states * n_out);
     Line *r = &self->line;
-    *r = (Line){.K = n_states, .nv = vectors(n_states), .n_in = n_in, .n_out = n_out};
+    *r = (Line){.K = n_states, .nv = vectors(n_states, active->lanes), .n_in = n_in, .n_out = n_out};
     self->level = active;
     const size_t Kp = (size_t)r->nv * active->lanes, size = Kp * ((size_t)n_out * n_in + n_out + 1) + 64;
     double *from = PyErr_Occurred() ? NULL : (self->block = aligned(size));

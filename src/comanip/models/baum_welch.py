@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from .. import kernels
 from ..interfaces import Array
 from . import chains
-from .gaussian import Whitening, whitening
+from .gaussian import Whitening, suits_float32, whitening
 from .learning import gaussians_of_labels, gaussians_of_moments, moments_about
 from .lessons import Lessons
 
@@ -32,16 +33,25 @@ class Statistics(NamedTuple):
     first: Array
 
 
-def expect(p: Chain, lessons: Lessons, n_threads: int = 1) -> tuple[float, Statistics]:
-    """Log-likelihood of all lessons, and the sums that the M-step needs; compiled where that is possible."""
+def expect(p: Chain, lessons: Lessons, n_threads: int = 1, single: bool = False) -> tuple[float, Statistics]:
+    """Log-likelihood of all lessons, and the sums that the M-step needs; compiled where that is possible.
+
+    A lesson in which float32 (`single`) fails is taken in float64, and one in which that fails by the twin.
+    """
     white = whitening(p.means, p.covariances)
     if kernels.native is None:
         return _expect(p, white, lessons.z, lessons.lengths)
-    sums = kernels.e_step(lessons.z, lessons.groups, p.initial, p.transition, white.arrays, n_threads=n_threads)
+    single = single and suits_float32(white, p.means, p.covariances)
+    groups = lessons.narrow_groups if single else lessons.groups
+    sums = kernels.e_step(lessons.z, groups, p.initial, p.transition, white.arrays, n_threads=n_threads, single=single)
     found = Statistics(sums.moments, white.origin, sums.transitions, sums.first)
     if not sums.failed.any():
         return float(sums.log_likelihood.sum()), found
-    rest, more = _expect(p, white, lessons.z[np.repeat(sums.failed, lessons.lengths)], lessons.lengths[sums.failed])
+    z, lengths = lessons.z[np.repeat(sums.failed, lessons.lengths)], lessons.lengths[sums.failed]
+    if single:
+        rest, more = expect(p, replace(lessons, z=z, lengths=lengths), n_threads)
+    else:
+        rest, more = _expect(p, white, z, lengths)
     total = float(sums.log_likelihood[~sums.failed].sum()) + rest
     return total, Statistics(
         found.moments + more.moments, white.origin, found.transitions + more.transitions, found.first + more.first

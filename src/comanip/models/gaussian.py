@@ -19,6 +19,7 @@ from ..interfaces import Array
 LOG_2PI = float(np.log(2.0 * np.pi))
 LEAST_LOG_DENSITY = -1e100  # stands for log 0 of a density: finite, so that sums over time stay finite
 LEAST_RATIO = 1e-12  # of variances: below it a Cholesky factor is rounding
+MOST_FLOAT32 = 1e4  # standard deviations: float32 then rounds to a thousandth of one
 FARTHEST = 1e140  # distances beyond this many standard deviations are all alike; its square is still a float64
 
 
@@ -59,6 +60,14 @@ class Whitening:
     def log_density(self, x: Array) -> Array:
         """log N(x; μ_i, Σ_i) as (N, K) for x (N, D)."""
         return np.maximum(self.log_peak - 0.5 * self.distances(x), LEAST_LOG_DENSITY)
+
+
+def suits_float32(white: Whitening, means: Array, covariances: Array, origin: Array | float | None = None) -> bool:
+    """Whether float32 can tell frames within each state apart, seen from `origin`: not with a state far away, or with channels
+    that repeat each other."""
+    reach = np.abs(means - (white.origin if origin is None else origin)) + np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    factors = np.abs(white.factors).reshape(covariances.shape)
+    return bool((factors @ reach[:, :, None]).max() < MOST_FLOAT32)
 
 
 def whitening(means: Array, covariances: Array) -> Whitening:

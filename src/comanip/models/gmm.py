@@ -19,12 +19,13 @@ from .gaussian import (
     log_sum_exp,
     normalised,
     probabilities,
+    suits_float32,
     whitening,
 )
 from .learning import (
     UNVISITED,
     Fit,
-    climb,
+    climb_fast_first,
     first_guess,
     gaussians_of_labels,
     gaussians_of_moments,
@@ -106,10 +107,12 @@ def fit_gmm(
     tolerance: float = 1e-5,
     allow_constant: float | Mapping[str, float] | None = None,
     outlier_ratio: float = 1e3,
+    precision: str = "float64",
 ) -> Fit[Gmm]:
     """Learns a Gmm from demonstrations, each (T, D). Parameters as in `fit_hmm`; time serves the first guess only."""
     if restarts < 1 or (restarts > 1 and isinstance(initial_guess, Gmm)):
         raise ParameterError(f"restarts must be at least 1, and 1 when a model is the guess; got {restarts!r}")
+    single = kernels.single(precision)
     lessons = prepare(
         sequences,
         channels,
@@ -127,10 +130,11 @@ def fit_gmm(
             labels = first_guess(lessons, n_states, initial_guess, rng, jitter=attempt > 0)
             share = (np.bincount(labels, minlength=n_states) + 0.5) / (len(labels) + 0.5 * n_states)
             start = _Mixture(share, *gaussians_of_labels(lessons.z, labels, n_states, covariance_floor))
-        found = climb(
+        found = climb_fast_first(
             start,
-            lambda p: _expect(p, lessons.z),
+            lambda p, single: _expect(p, lessons.z, single=single),
             lambda e, p: _maximise(e, p, covariance_floor),
+            single=single,
             max_iterations=max_iterations,
             rise=tolerance * lessons.n_frames,
         )
@@ -154,10 +158,13 @@ class _Statistics(NamedTuple):
     gamma: Array | None
 
 
-def _expect(p: _Mixture, z: Array, gamma: bool = False) -> tuple[float, _Statistics]:
+def _expect(p: _Mixture, z: Array, gamma: bool = False, single: bool = False) -> tuple[float, _Statistics]:
     white, log_weights = whitening(p.means, p.covariances), np.log(np.maximum(p.weights, 1e-300))
     if kernels.native is not None:
-        total, moments, found = kernels.mixture(z, log_weights, white.arrays, weights=gamma)
+        single = single and suits_float32(white, p.means, p.covariances)
+        total, moments, found = kernels.mixture(z, log_weights, white.arrays, weights=gamma, single=single)
+        if single and np.isnan(total):
+            return _expect(p, z, gamma)
         return total, _Statistics(moments, white.origin, found)
     joint = white.log_density(z) + log_weights
     weights = normalised(joint)

@@ -52,12 +52,13 @@ def climb(
     max_iterations: int,
     rise: float,
     trace: list[float] | None = None,
+    fall: float = FALL,
 ) -> tuple[Parameters, Array, bool]:
     """Expectation-maximisation until the log-likelihood rises by less than `rise`.
 
     Never returns a model it has not scored. A likelihood that falls breaks a theorem, so it raises InternalError
-    instead of being called convergence. `trace`, to go on from a climb that was interrupted: its log-likelihoods before
-    `parameters`; it is appended to.
+    instead of being called convergence, if it is by more than the ratio `fall`. `trace`, to go on from a climb that was
+    interrupted: its log-likelihoods before `parameters`; it is appended to.
     """
     if max_iterations < 0:
         raise ParameterError(f"max_iterations must not be negative; got {max_iterations!r}")
@@ -67,7 +68,7 @@ def climb(
         trace.append(log_likelihood)
         if iteration:
             gain = trace[-1] - trace[-2]
-            if not gain >= -FALL * max(abs(trace[-2]), 1.0):
+            if not gain >= -fall * max(abs(trace[-2]), 1.0):
                 raise InternalError(
                     f"the likelihood fell by {-gain:.3e} (from {trace[-2]:.6e}) in iteration {iteration}; "
                     "please report it with these demonstrations"
@@ -77,6 +78,32 @@ def climb(
         if iteration < max_iterations:
             parameters = maximise(statistics, parameters)
     return parameters, np.array(trace), False
+
+
+def climb_fast_first(
+    parameters: Parameters,
+    expect: Callable[[Parameters, bool], tuple[float, Statistics]],
+    maximise: Callable[[Statistics, Parameters], Parameters],
+    *,
+    single: bool,
+    max_iterations: int,
+    rise: float,
+) -> tuple[Parameters, Array, bool]:
+    """`climb`; with `single`, in float32 as far as that leads, and on from there in float64.
+
+    So the model is as good as one of float64 alone: it is scored in float64, and its last step was taken in float64. A fall in
+    float32 is rounding, and ends only the first part.
+    """
+    before: Array = np.empty(0)
+    if single:
+        parameters, trace, _ = climb(
+            parameters, lambda p: expect(p, True), maximise, max_iterations=max_iterations, rise=rise, fall=np.inf
+        )
+        before = trace[:-1]
+    parameters, trace, converged = climb(
+        parameters, lambda p: expect(p, False), maximise, max_iterations=max_iterations - len(before), rise=rise
+    )
+    return parameters, np.append(before, trace), converged
 
 
 def weighted_gaussians(z: Array, weights: Array, floor: float, before: tuple[Array, Array]) -> tuple[Array, Array]:

@@ -82,6 +82,11 @@ class Lessons(Coordinates):
         """Which lessons the compiled E-step takes side by side."""
         return kernels.planned(self.lengths)
 
+    @cached_property
+    def narrow_groups(self) -> kernels.Plan:
+        """The same for float32."""
+        return kernels.planned(self.lengths, single=True)
+
     def normalised_time(self) -> Array:
         """(N,) in [0, 1): how far through its own demonstration each frame is."""
         return np.concatenate([(np.arange(n) + 0.5) / n for n in self.lengths])

@@ -15,8 +15,11 @@ from .. import kernels
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from .filtering import ForwardFilter
+from .gaussian import suits_float32, whitening
 from .gmr import Regression
 from .hmm import Hmm
+
+WIDEST_GATE = 60.0  # float32: a frame that only the gate explains keeps weights of 1e-26, with 12 digits of exponent behind them
 
 
 class RollOuts(NamedTuple):
@@ -36,12 +39,17 @@ def roll_out(
     transition_floor: float = 1e-6,
     gate: float = 20.0,
     n_threads: int = 1,
+    precision: str = "float64",
 ) -> RollOuts:
     """N roll-outs from start (N, d) [m] under force (T, f) [N], the same for all, or (N, T, f).
 
     evidence                channels that the weights listen to; default position and force. "velocity" is the one commanded last
     transition_floor, gate  as in `ForwardFilter`
     n_threads               of the compiled kernel; any number gives the same numbers
+    precision               "float32" is for very many: up to twice as fast. 99 % of the positions are within 1e-6 of their range
+                            from those of "float64", the others, where two states compete, within 1e-4. A channel far from
+                            zero for its spread, a gate above 60 or a path that leaves float32 is for float64, as is all
+                            without compiled kernels
 
     The model's channels are position.*, force.* (or none) and velocity.*. A line of regression goes on for ever, so a start far
     from the lessons may run away: look at the positions.
@@ -55,17 +63,23 @@ def roll_out(
         )
     if not (dt > 0.0 and np.isfinite(dt)):
         raise ParameterError(f"dt is a period above 0 s; got {dt!r}")
+    single = kernels.single(precision) and gate <= WIDEST_GATE
+    single = single and suits_float32(whitening(model.means, model.covariances), model.means, model.covariances, 0.0)
     x, f = _checked(start, force, len(position), len(forces))
     inputs = position + forces
     weigher = ForwardFilter(model, inputs if evidence is None else evidence, transition_floor=transition_floor, gate=gate)
     source = np.array([(inputs + velocity).index(c) for c in weigher.channels], dtype=np.int64)
     regression = Regression(model, inputs, velocity)
     if kernels.native is None:
+        _refuse_infinite(x, f)
         return RollOuts(*_roll(x, f, dt, weigher, source, regression))
-    return RollOuts(*kernels.rollouts(
-        x, f, source, weigher.initial, weigher.chain, weigher.whitening.arrays, regression.gains, regression.offsets,
-        gate=gate, dt=dt, n_threads=n_threads,
-    ))  # fmt: skip
+    prepared = source, weigher.initial, weigher.chain, weigher.whitening.arrays, regression.gains, regression.offsets
+    found = RollOuts(*kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, n_threads=n_threads, single=single))
+    if not all(np.isfinite(path[:, -1]).all() for path in found):  # what is not finite stays so: the last step tells
+        _refuse_infinite(x, f)
+        if single:
+            return RollOuts(*kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, n_threads=n_threads))
+    return found
 
 
 def _roll(
@@ -96,6 +110,9 @@ def _checked(start: Any, force: Any, d: int, n_forces: int) -> tuple[Array, Arra
         raise ParameterError(f"start must be (N, {d}); got {x.shape}")
     if f.ndim not in (2, 3) or f.shape[-1] != n_forces or not f.shape[-2] or (f.ndim == 3 and len(f) != len(x)):
         raise ParameterError(f"force must be (T, {n_forces}) or ({len(x)}, T, {n_forces}); got {f.shape}")
-    if not (np.isfinite(x).all() and np.isfinite(f).all()):
-        raise ParameterError("start and force of a roll-out must be finite")
     return x, f
+
+
+def _refuse_infinite(start: Array, force: Array) -> None:
+    if not (np.isfinite(start).all() and np.isfinite(force).all()):
+        raise ParameterError("start and force of a roll-out must be finite")
