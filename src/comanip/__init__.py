@@ -43,6 +43,8 @@ _PUBLIC = {
     "run": "comanip.loop",
     "Hmm": "comanip.models.hmm",
     "fit_hmm": "comanip.models.hmm",
+    "Hsmm": "comanip.models.hsmm",
+    "fit_hsmm": "comanip.models.hsmm",
     "Gmm": "comanip.models.gmm",
     "fit_gmm": "comanip.models.gmm",
     "Fit": "comanip.models.learning",
