@@ -51,6 +51,7 @@ _PUBLIC = {
     "Regression": "comanip.models.gmr",
     "regress": "comanip.models.gmr",
     "ForwardFilter": "comanip.models.filtering",
+    "DurationFilter": "comanip.models.filtering",
     "select_states": "comanip.models.selection",
     "backend": "comanip.engine",
     "fit_stream": "comanip.models.streaming",

@@ -1,5 +1,6 @@
 """What must be true of a hidden semi-Markov model whatever the implementation."""
 
+import itertools
 import warnings
 
 import numpy as np
@@ -49,7 +50,7 @@ def test_everything_equals_the_sum_over_every_segmentation(n_states, length, lon
         path = [j for j, d in parts for _ in range(d)]
         total += p
         gamma[np.arange(length), path] += p
-        for (i, d), (j, _) in zip(parts[:-1], parts[1:], strict=True):
+        for (i, d), (j, _) in itertools.pairwise(parts):
             transitions[i, j] += p
             durations[i, d - 1] += p
         j, d = parts[-1]
