@@ -236,10 +236,16 @@ class DurationFilter(StateFilter):
     ) -> None:
         super().__init__(model, channels, transition_floor=transition_floor, gate=gate, patience=patience)
         self._forgets = float(transition_floor)
-        self._durations, self._transition = model.durations, model.transition
-        self._left, self._moved = np.empty((2, *model.durations.shape))
+        self._durations, self._transition = kernels.in_eights(model.durations), model.transition
+        self._left, self._moved = np.empty((2, *self._durations.shape))
         self._time = np.zeros(2)  # rate of the next tick, and what has gone by of the present frame
-        self._frames = np.arange(1.0, model.longest + 1.0)
+        self._frames = np.arange(1.0, self._durations.shape[1] + 1.0)
+        self._tick = None
+        if kernels.native is not None and len(self.channels) <= 256:
+            self._tick = kernels.native.DurationFilter(
+                *self._all.arrays, self._initial, self._transition, self._durations, self._weights, self._left, self._time,
+                self._state, self.gate, self._forgets, self.patience,
+            ).step  # fmt: skip
         self.reset()
 
     def reset(self) -> None:
@@ -254,6 +260,8 @@ class DurationFilter(StateFilter):
 
     def step(self, xi: Array, rate: float = 1.0) -> Array:
         """As `ForwardFilter.step`; `rate` frames have gone by inside durations since the tick before: 0 holds their clock."""
+        if self._tick is not None and self._tick(xi, rate):
+            return self._weights
         self._time[0] = rate
         before = self._state[RESTARTS]
         weights = self._step(xi)

@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .. import kernels
 from ..errors import ParameterError
 from ..interfaces import Array
 from . import segments
 from .baum_welch import allowed_rows, allowed_transitions, check_options, from_counts, label_counts, most_likely_rows
 from .chains import IMPOSSIBLE, log_of, padded
 from .durations import most_likely, of_mean, table
-from .gaussian import channel_names, gaussian_blocks, log_density, probabilities, whitening
+from .gaussian import Whitening, channel_names, gaussian_blocks, log_density, probabilities, whitening
 from .hmm import Hmm, Posteriors, Sample, frames_of
 from .learning import (
     Fit,
@@ -122,14 +123,14 @@ def explicit_durations(model: Hmm, longest: int) -> Hsmm:
 def log_likelihood(model: Hsmm, sequences: Iterable[Any]) -> Array:
     """log p(ξ_1..ξ_T | model) of each sequence, (S,); see `hmm.log_likelihood`."""
     arrays = [frames_of(model, x) for x in sequences]
-    log_b = log_density(np.concatenate(arrays), model.means, model.covariances)
-    return _pass(model, log_b, np.array([len(x) for x in arrays])).log_likelihood
+    return _sums(model, np.concatenate(arrays), np.array([len(x) for x in arrays])).log_likelihood
 
 
 def posteriors(model: Hsmm, sequence: Any) -> Posteriors:
     """γ_t(i) of one sequence (T, D): uses the future too, so it is for analysis; `DurationFilter` is for running."""
-    log_b = log_density(frames_of(model, sequence), model.means, model.covariances)
-    found = _pass(model, log_b, np.array([len(log_b)]))
+    frames = frames_of(model, sequence)
+    found = _sums(model, frames, np.array([len(frames)]), weights=True)
+    assert found.weights is not None
     return Posteriors(found.weights, float(found.log_likelihood[0]))
 
 
@@ -171,6 +172,7 @@ def fit_hsmm(
     tolerance: float = 1e-5,
     allow_constant: float | Mapping[str, float] | None = None,
     outlier_ratio: float = 1e3,
+    n_threads: int = 1,
 ) -> Fit[Hsmm]:
     """Learns an Hsmm from several demonstrations, each (T, D), by expectation-maximisation; options as in `fit_hmm`, and
 
@@ -208,12 +210,13 @@ def fit_hsmm(
     best, trace, converged = best_climb(
         start,
         restarts,
-        lambda p: _expect(p, lessons),
+        lambda p: _expect(p, lessons, n_threads),
         lambda e, p: _maximise(e, p, covariance_floor, transition_floor, duration_floor),
         max_iterations=max_iterations,
         rise=tolerance * lessons.n_frames,
     )
-    weights = _weights(best, lessons)
+    weights = _sums(best, lessons.z, lessons.lengths, weights=True).weights
+    assert weights is not None
     time = None if topology == "left-right" else lessons.normalised_time() @ weights
     order = kept_states(weights.sum(axis=0), time, converged, len(trace) - 1, lessons.notes)
     p = _of_states(best, order)
@@ -241,52 +244,60 @@ class _Parameters(NamedTuple):
         return table(self.gamma, self.longest)
 
 
-class _Statistics(NamedTuple):
-    """As `baum_welch.Statistics`, and how many segments of each state last d frames, (K, L)."""
-
-    moments: Array
-    origin: Array
-    transitions: Array
-    first: Array
-    durations: Array
+def _expect(p: _Parameters, lessons: Lessons, n_threads: int = 1) -> tuple[float, kernels.SegmentSums]:
+    sums = _sums(p, lessons.z, lessons.lengths, n_threads=n_threads)
+    return float(sums.log_likelihood.sum()), sums
 
 
-def _expect(p: _Parameters, lessons: Lessons) -> tuple[float, _Statistics]:
-    white = whitening(p.means, p.covariances)
-    e = _pass(p, white.log_density(lessons.z), lessons.lengths)
-    moments = moments_about(white.origin, lessons.z, e.weights)
-    return float(e.log_likelihood.sum()), _Statistics(moments, white.origin, e.transitions, e.first, e.durations)
-
-
-def _maximise(e: _Statistics, p: _Parameters, covariance_floor: float, transition_floor: float, floor: float) -> _Parameters:
+def _maximise(
+    e: kernels.SegmentSums, p: _Parameters, covariance_floor: float, transition_floor: float, floor: float
+) -> _Parameters:
+    origin = p.means.mean(axis=0)  # of the moments, as in whitening
     return _Parameters(
         e.first / e.first.sum(),
         most_likely_rows(e.transitions, p.transition, transition_floor),
         most_likely(e.durations, p.gamma, floor),
         p.longest,
-        *gaussians_of_moments(e.moments, e.origin, covariance_floor, (p.means, p.covariances)),
+        *gaussians_of_moments(e.moments, origin, covariance_floor, (p.means, p.covariances)),
     )
 
 
-def _weights(p: _Parameters, lessons: Lessons) -> Array:
-    return _pass(p, whitening(p.means, p.covariances).log_density(lessons.z), lessons.lengths).weights
+def _sums(
+    p: Hsmm | _Parameters, frames: Array, lengths: np.ndarray, *, weights: bool = False, n_threads: int = 1
+) -> kernels.SegmentSums:
+    """The E-step of frames (N, D) of sequences one after another; compiled where that is possible."""
+    white = whitening(p.means, p.covariances)
+    if kernels.native is None or np.isnan(frames).any():
+        return _twin(p, white, frames, lengths)
+    sums = kernels.segments(
+        frames, lengths, p.initial, p.transition, p.durations, white.arrays, weights=weights, n_threads=n_threads
+    )
+    if not sums.failed.any():
+        return sums
+    rows = np.repeat(sums.failed, lengths)
+    rest = _twin(p, white, frames[rows], lengths[sums.failed])
+    sums.log_likelihood[sums.failed] = rest.log_likelihood
+    if sums.weights is not None:
+        sums.weights[rows] = rest.weights
+    added = {name: getattr(sums, name) + getattr(rest, name) for name in ("moments", "transitions", "first", "durations")}
+    return sums._replace(**added)
 
 
-def _pass(p: Hsmm | _Parameters, log_b: Array, lengths: np.ndarray) -> segments.Expectations:
-    """The E-step of frames one after another, log_b (N, K).
+def _twin(p: Hsmm | _Parameters, white: Whitening, frames: Array, lengths: np.ndarray) -> kernels.SegmentSums:
+    """The readable twin of the compiled E-step, and its refuge where scaling runs out of float64.
 
     Densities are taken relative to the best state, frame by frame: only ratios between states matter, so a frame that nothing
     explains keeps a finite meaning.
     """
+    log_b = log_density(frames, p.means, p.covariances)
     top = log_b.max(axis=1)
-    found = _expectations(p, log_b - top[:, None], lengths)
-    starts = np.concatenate([[0], np.cumsum(lengths)[:-1]])
-    total = np.where(found.log_likelihood < IMPOSSIBLE, -np.inf, found.log_likelihood + np.add.reduceat(top, starts))
-    return found._replace(log_likelihood=total)
-
-
-def _expectations(p: Hsmm | _Parameters, log_b: Array, lengths: np.ndarray) -> segments.Expectations:
-    return segments.expectations(padded(log_b, lengths), lengths, log_of(p.initial), log_of(p.transition), log_of(p.durations))
+    e = segments.expectations(
+        padded(log_b - top[:, None], lengths), lengths, log_of(p.initial), log_of(p.transition), log_of(p.durations)
+    )
+    total = e.log_likelihood + np.add.reduceat(top, np.concatenate([[0], np.cumsum(lengths)[:-1]]))
+    total = np.where(e.log_likelihood < IMPOSSIBLE, -np.inf, total)
+    moments = moments_about(white.origin, frames, e.weights)
+    return kernels.SegmentSums(moments, e.transitions, e.first, e.durations, total, np.zeros(len(lengths), dtype=bool), e.weights)
 
 
 def _onward(allowed: np.ndarray) -> np.ndarray:
