@@ -9,6 +9,16 @@ from comanip.models.hsmm import Hsmm
 CHANNELS = ("position.z", "force.z", "velocity.z")
 
 
+def agree(a, b, *, tolerance=1e-10):
+    np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * max(np.abs(b).max(), 1e-300))
+
+
+def resident():
+    """Bytes of memory that this process holds."""
+    with open("/proc/self/statm") as statm:
+        return int(statm.read().split()[1]) * 4096
+
+
 def random_covariances(rng, n_states, n_channels, size=1.0):
     root = rng.normal(size=(n_states, n_channels, n_channels)) * size
     return root @ np.swapaxes(root, 1, 2) + 0.1 * size**2 * np.eye(n_channels)
