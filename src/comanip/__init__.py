@@ -45,6 +45,7 @@ _PUBLIC = {
     "fit_hmm": "comanip.models.hmm",
     "Hsmm": "comanip.models.hsmm",
     "fit_hsmm": "comanip.models.hsmm",
+    "durations_s": "comanip.models.hsmm",
     "Gmm": "comanip.models.gmm",
     "fit_gmm": "comanip.models.gmm",
     "Fit": "comanip.models.learning",

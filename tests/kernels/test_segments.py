@@ -110,6 +110,19 @@ def test_where_scaling_leaves_float64_the_twin_takes_the_sequence(level, kind):
         agree(getattr(found, name), getattr(expected, name), tolerance=1e-8)
 
 
+def test_a_path_that_was_lost_under_the_least_number_and_matters_later_is_noticed(level):
+    """Either state lasts 20 frames. Ten frames rule the second out, beyond 1e-308; eleven more rule out the first even more."""
+    p = np.zeros((2, 24))
+    p[:, 19] = 1.0
+    model = Hsmm([0.5, 0.5], [[0.0, 1.0], [1.0, 0.0]], p, [[0.0], [14.0]], np.ones((2, 1, 1)), ("x",))
+    frames, lengths = np.repeat([0.0, 14.0], [9, 11])[:, None], np.array([20])
+    white = whitening(model.means, model.covariances)
+    assert kernels.segments(frames, lengths, model.initial, model.transition, model.durations, white.arrays).failed[0]
+    found = hsmm._sums(model, frames, lengths, weights=True)
+    assert found.log_likelihood[0] == pytest.approx(hsmm._twin(model, white, frames, lengths).log_likelihood[0], rel=1e-12)
+    assert found.weights[:, 1].min() > 0.999
+
+
 @pytest.mark.parametrize("lengths", [[100] * 40, [900, 17] + [50] * 30])
 def test_threads_change_no_bit(level, lengths):
     rng = np.random.default_rng(1)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from comanip.models import hsmm
 from comanip.models.durations import of_mean, table
 from comanip.models.filtering import DurationFilter, ForwardFilter
-from comanip.models.hmm import Hmm
+from comanip.models.hmm import Hmm, fit_hmm
 from comanip.models.hsmm import Hsmm, durations_s, explicit_durations, fit_hsmm
 from toys import CHANNELS, lifts, random_hmm, random_hsmm
 
@@ -89,6 +89,22 @@ def test_a_follower_at_rate_0_never_leaves_rest_by_the_clock_and_at_once_by_evid
     assert waits.weights[0] > 0.999
     assert leaves(waits, np.full((5, 1), 4.0), rate=rate) <= 1
     assert leaves(DurationFilter(rest_and_lift()), NOTHING, rate=rate) is None
+
+
+def test_on_a_lesson_it_says_when_a_state_will_end_and_an_hmm_does_not(lessons):
+    channels = ("position.z", "force.z", "velocity.z")
+    for role in ("leader", "follower"):
+        *taught, other = [lesson.array(channels)[::4] for lesson in lessons[role]]
+        model, geometric = (fit(taught, 5, channels=channels).model for fit in (fit_hsmm, fit_hmm))
+        usual = 1.0 / np.maximum(1.0 - np.diagonal(geometric.transition), 1e-9)
+        one, path, off = DurationFilter(model), hsmm.viterbi(model, other), []
+        ends = np.append(np.flatnonzero(np.diff(path)) + 1, len(path))
+        for t, xi in enumerate(other[: ends[-2]]):
+            state = int(one.step(xi).argmax())
+            if state == path[t]:
+                left = ends[ends > t][0] - t
+                off.append((abs(one.remaining[state] - left), abs(usual[state] - left)))
+        assert np.mean(off, axis=0)[0] < 0.6 * np.mean(off, axis=0)[1], role
 
 
 def test_a_partner_slower_than_taught_is_followed_by_evidence():

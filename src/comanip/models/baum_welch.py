@@ -118,6 +118,20 @@ def allowed_rows(transition: Array, allowed: np.ndarray) -> Array:
     return rows / rows.sum(axis=1, keepdims=True)
 
 
+def rows_of_states(transition: Array, order: np.ndarray) -> Array:
+    """The chain among the states of `order`; a state from which only others led is never left."""
+    rows = transition[np.ix_(order, order)]
+    rows = rows + np.diag(rows.sum(axis=1) <= 0.0)
+    return rows / rows.sum(axis=1, keepdims=True)
+
+
+def free_parameters(topology: str, allowed: np.ndarray, n_channels: int) -> int:
+    """Of Π, of the transitions that `allowed` (K, K) has, and of full Gaussians."""
+    n, d = len(allowed), n_channels
+    chain = (0 if topology == "left-right" else n - 1) + int((allowed.sum(axis=1) - 1).clip(0).sum())
+    return chain + n * d + n * d * (d + 1) // 2
+
+
 def from_labels(lessons: Lessons, labels: np.ndarray, allowed: np.ndarray, floor: float, topology: str) -> Chain:
     counts, initial = label_counts(lessons, labels, len(allowed))
     means, covariances = gaussians_of_labels(lessons.z, labels, len(allowed), floor)

@@ -15,7 +15,18 @@ from .. import kernels
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from . import chains
-from .baum_welch import Chain, allowed_rows, allowed_transitions, check_options, expect, expectations_of, from_labels, maximise
+from .baum_welch import (
+    Chain,
+    allowed_rows,
+    allowed_transitions,
+    check_options,
+    expect,
+    expectations_of,
+    free_parameters,
+    from_labels,
+    maximise,
+    rows_of_states,
+)
 from .gaussian import channel_names, gaussian_blocks, log_density, probabilities, whitening
 from .learning import Fit, best_climb, first_guess, fit_of, guessed_gaussians, kept_states
 from .lessons import Coordinates, Lessons, prepare
@@ -237,14 +248,11 @@ def finished(
     occupancy (K,) Σγ over all frames; time() the same times the normalised time; score the log-likelihood in z.
     """
     order = kept_states(occupancy, None if topology == "left-right" else time(), converged, len(trace) - 1, ground.notes)
-    p = Chain(p.initial[order], p.transition[np.ix_(order, order)], p.means[order], p.covariances[order])
-    rows = p.transition + np.diag(p.transition.sum(axis=1) <= 0.0)
-    p = p._replace(initial=p.initial / p.initial.sum(), transition=rows / rows.sum(axis=1, keepdims=True))
+    initial = p.initial[order] / p.initial[order].sum()
+    p = Chain(initial, rows_of_states(p.transition, order), p.means[order], p.covariances[order])
     if len(order) < len(occupancy):
         trace = np.append(trace[:-1], score(p))
-    n, d = p.means.shape
-    free = (0 if topology == "left-right" else n - 1) + int((allowed[np.ix_(order, order)].sum(axis=1) - 1).clip(0).sum())
-    free += n * d + n * d * (d + 1) // 2
+    free = free_parameters(topology, allowed[np.ix_(order, order)], p.means.shape[1])
     model = Hmm(p.initial, p.transition, *ground.original(p.means, p.covariances), ground.channels)
     return fit_of(model, trace, converged, ground, free)
 
