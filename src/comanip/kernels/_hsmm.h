@@ -77,8 +77,8 @@ static PyObject *segments(PyObject *self, PyObject *args) {
     Work w = {.job = &job, .level = active, .n_groups = (int)S, .n_slots = S < SLOTS ? (int)S : SLOTS};
     const size_t Kp = (size_t)model.nv * active->lanes, eight = TILES * active->lanes, padded = (longest + eight - 1) / eight * eight;
     w.slot_size = ((size_t)K * model.n_pairs + K * K + K + K * L + 7) / 8 * 8;
-    w.space_size = common_space(&model, active->lanes) + padded * (3 * Kp + 1) + padded * K / 8 + K * (2 * L + 2 * active->lanes + Kp)
-                   + eight * Kp + 3 * Kp + 16;
+    w.space_size = common_space(&model, active->lanes) + padded * (3 * Kp + 1) + K * (2 * L + 2 * active->lanes + Kp)
+                   + eight * Kp + 3 * Kp + K + 16;
     if (run(&w, n_threads) < 0) {
         PyErr_NoMemory();
         goto done;

@@ -15,8 +15,8 @@ INLINE vec NAME(from)(const double *at) {
  *     alpha_t(j, r) = f_t(j) [alpha_{t-1}(j, r + 1) + p_j(r) in_t(j)]    in_t(j) = sum_i alpha_{t-1}(i, 1) a_ij
  *     B_t(j, d) = f_t(j) B_{t+1}(j, d - 1), B_t(j, 1) = f_t(j) on_t(j)   on_t(i) = sum_j a_ij V_{t+1}(j), and behind the end 1 / s_T
  *     V_t(j) = sum_d p_j(d) B_t(j, d)                                    P(enters j at t) = in_t(j) V_t(j)
- * Where the past excludes a state, its future is of no interest: its row is 0 there. What else grows is cut at 1e200, and what is
- * below 1e-308 is lost; that nothing was lost that matters is seen at the first frame, where sum_j in(j) V(j) must come out as 1. */
+ * What falls below 1e-308 forwards is lost. Backwards it is still there, so that nothing was lost that matters is seen at the first
+ * frame, where sum_j in(j) V(j) must come out as 1, and on the way, where V must not grow beyond float64. */
 FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *slot) {
     const Model *m = job->model;
     const int K = m->K, Ke = m->Ke, nv = m->nv, Kp = nv * W, BLOCK = TILES * W, L = job->longest, stride = L + 2 * W;
@@ -34,7 +34,7 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
     vec *tile = x + TILES * (m->D + 1);       /* [nv W or Ke][TILES], zero behind the last state */
     vec *pairs = tile + TILES * (Kp > Ke ? Kp : Ke); /* [Ke][pairs] */
     vec *products = pairs + (int64_t)Ke * m->pairs;
-    unsigned char *alive = (unsigned char *)(products + TILES * CHUNK); /* [padded][K]: alpha_t(j, .) is not 0 */
+    double *bound = (double *)(products + TILES * CHUNK); /* [K]: no number in a row is larger; a row of zeros costs nothing */
     int64_t row[TILES * W];
     vec top[TILES];
     double tops = 0.0, s = 1.0;
@@ -42,6 +42,7 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
     int64_t exponent = 0;
     job->failed[sequence] = 1;
     memset(rows, 0, sizeof(double) * K * stride);
+    memset(bound, 0, sizeof(double) * K);
     memset(tile, 0, (char *)pairs - (char *)tile);
     for (int64_t t = 0; t < length; t++) {
         if (t % BLOCK == 0) {
@@ -59,8 +60,7 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
         memset(out_t, 0, sizeof(double) * Kp);
         s = 0.0;
         for (int j = 0; j < K; j++) {
-            alive[t * K + j] = in_t[j] > 0.0 || (t > 0 && alive[(t - 1) * K + j]);
-            if (!alive[t * K + j]) continue;
+            if (!(in_t[j] > 0.0 || bound[j] > 0.0)) continue;
             const double f = b[t * Kp + j] * r.number, e = f * in_t[j], *p = job->durations + (size_t)j * L;
             double *alpha = rows + (size_t)j * stride + W;
             vec sums = {0};
@@ -70,9 +70,7 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
                 sums += now;
             }
             out_t[j] = alpha[0];
-            const double mass = NAME(sum)(sums);
-            alive[t * K + j] = mass > 0.0;
-            s += mass;
+            s += bound[j] = NAME(sum)(sums);
         }
         if (!(s >= LEAST_SCALE)) return;
         exponent -= (r.bits >> 52) - 1023;
@@ -84,6 +82,11 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
 
     memset(counts, 0, sizeof(double) * K * L);
     memset(steps, 0, sizeof(vec) * (K * nv + 3 * nv)); /* steps, value, onward, g */
+    for (int j = 0; j < K; j++) {
+        double *B = rows + (size_t)j * stride + W;
+        for (int d = 0; d < L; d++) B[d] = 1.0 / s;
+        bound[j] = 1.0 / s;
+    }
     for (int64_t t = length - 1; t >= 0; t--) {
         double *in_t = in + t * Kp, *out_t = out + t * Kp, *on = (double *)onward, *V = (double *)value;
         const double c = t > 0 ? scale[t - 1] : 1.0;
@@ -100,11 +103,11 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
             const double *p = job->durations + (size_t)j * L, f = b[t * Kp + j] * c, e = in_t[j];
             out_t[j] = last ? 0.0 : out_t[j] * on[j];
             in_t[j] = V[j] = 0.0;
-            if (!alive[t * K + j]) {
-                if (last || alive[(t + 1) * K + j]) memset(B, 0, sizeof(double) * L);
+            bound[j] = f * fmax(bound[j], on[j]);
+            if (bound[j] == 0.0) {
+                memset(B, 0, sizeof(double) * L);
                 continue;
             }
-            for (int d = 0; last && d < L; d++) B[d] = 1.0 / s;
             B[-1] = on[j];
             vec sums = {0};
             for (int d = L - W; d >= 0; d -= W) {
@@ -112,12 +115,8 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
                 memcpy(B + d, &now, sizeof now);
                 sums += NAME(from)(p + d) * now;
             }
-            double v = NAME(sum)(sums);
-            if (!(v < 1e250)) { /* true for NaN, too */
-                v = 0.0;
-                for (int d = 0; d < L; d++) v += p[d] * (B[d] = B[d] < 1e200 ? B[d] : 1e200);
-            }
-            if (e > 0.0) V[j] = v;
+            V[j] = NAME(sum)(sums);
+            if (!(V[j] < 1e250)) return; /* NaN compares false */
             in_t[j] = e * V[j];
             if (in_t[j] > 1e-30)
                 for (int d = 0; d < L; d++) counts[(size_t)j * L + d] += e * B[d];
