@@ -147,7 +147,7 @@ def test_a_tick(level, d, k, longest, options, monkeypatch):
     x[[7, 30, 31, 32, 33]] += 1e3
     x[50:53, 0] = np.nan
     x[60] = 1e300
-    rates = rng.choice([0.0, 0.1, 0.5, 1.0, 1.0, 2.5, np.nan], size=100)
+    rates = rng.choice([0.0, 0.1, 0.5, 1.0, 1.0, 2.5, -1.0, np.nan], size=100)
     native = DurationFilter(model, **options)
     monkeypatch.setattr(kernels, "native", None)
     twin = DurationFilter(model, **options)

@@ -15,8 +15,8 @@ INLINE vec NAME(from)(const double *at) {
  *     alpha_t(j, r) = f_t(j) [alpha_{t-1}(j, r + 1) + p_j(r) in_t(j)]    in_t(j) = sum_i alpha_{t-1}(i, 1) a_ij
  *     B_t(j, d) = f_t(j) B_{t+1}(j, d - 1), B_t(j, 1) = f_t(j) on_t(j)   on_t(i) = sum_j a_ij V_{t+1}(j), and behind the end 1 / s_T
  *     V_t(j) = sum_d p_j(d) B_t(j, d)                                    P(enters j at t) = in_t(j) V_t(j)
- * What falls below 1e-308 forwards is lost. Backwards it is still there, so that nothing was lost that matters is seen at the first
- * frame, where sum_j in(j) V(j) must come out as 1, and on the way, where V must not grow beyond float64. */
+ * What falls below 1e-308 forwards is lost. Backwards it is still there, and may grow beyond float64; so that nothing was lost that
+ * matters is seen at the first frame, where sum_j in(j) V(j) must come out as 1. */
 FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *slot) {
     const Model *m = job->model;
     const int K = m->K, Ke = m->Ke, nv = m->nv, Kp = nv * W, BLOCK = TILES * W, L = job->longest, stride = L + 2 * W;
@@ -90,8 +90,7 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
     for (int64_t t = length - 1; t >= 0; t--) {
         double *in_t = in + t * Kp, *out_t = out + t * Kp, *on = (double *)onward, *V = (double *)value;
         const double c = t > 0 ? scale[t - 1] : 1.0;
-        const int last = t == length - 1;
-        if (last)
+        if (t == length - 1)
             for (int i = 0; i < nv; i++) onward[i] = NAME(all)(1.0 / s);
         else {
             NAME(across)(onward, V, (const vec *)m->backward_across, K, nv);
@@ -101,7 +100,7 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
         for (int j = 0; j < K; j++) {
             double *B = rows + (size_t)j * stride + W;
             const double *p = job->durations + (size_t)j * L, f = b[t * Kp + j] * c, e = in_t[j];
-            out_t[j] = last ? 0.0 : out_t[j] * on[j];
+            out_t[j] *= on[j];
             in_t[j] = V[j] = 0.0;
             bound[j] = f * fmax(bound[j], on[j]);
             if (bound[j] == 0.0) {
@@ -116,7 +115,6 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
                 sums += NAME(from)(p + d) * now;
             }
             V[j] = NAME(sum)(sums);
-            if (!(V[j] < 1e250)) return; /* NaN compares false */
             in_t[j] = e * V[j];
             if (in_t[j] > 1e-30)
                 for (int d = 0; d < L; d++) counts[(size_t)j * L + d] += e * B[d];
@@ -124,7 +122,7 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
     }
     double total = 0.0;
     for (int j = 0; j < K; j++) total += in[j];
-    if (!(fabs(total - 1.0) < 1e-10)) return;
+    if (!(fabs(total - 1.0) < 1e-10)) return; /* NaN compares false */
     job->failed[sequence] = 0;
 
     double *transitions = slot + (size_t)K * m->n_pairs, *first = transitions + K * K, *durations = first + K;

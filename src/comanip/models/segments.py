@@ -87,7 +87,6 @@ def expectations(log_b: Array, lengths: Array, log_initial: Array, log_transitio
     share = found[:, None, None]
     enter = np.exp(np.minimum(entered + value[:, :-1] - share, 0.0))
     leave = np.exp(np.minimum(left + onward[:, :-1] - share, 0.0))
-    leave[np.arange(n_sequences), lengths - 1] = 0.0
     gamma = np.cumsum(enter, axis=1)
     gamma[:, 1:] -= np.cumsum(leave, axis=1)[:, :-1]
     gamma = np.maximum(gamma[within(lengths)], 0.0)
