@@ -65,6 +65,16 @@ def tick_table(rows: list[dict[str, Any]]) -> str:
     return rows_of(("size", *peers), body)
 
 
+def durations_table(rows: list[dict[str, Any]]) -> str:
+    body = [
+        [r["size"], *[f"{r['ns'][p]:,.0f} ({r['ns'][p] / r['ns']['comanip']:.0f} ×)" for p in r["ns"]],
+         *[f"{r['us'][p]:.2f} ({r['us'][p] / r['us']['comanip']:.0f} ×)" for p in r["us"]]]
+        for r in rows
+    ]  # fmt: skip
+    peers = list(rows[0]["ns"])
+    return rows_of(("sequences × frames", *[f"{p}, ns a frame" for p in peers], *[f"{p}, µs a tick" for p in peers]), body)
+
+
 def draw(results: dict[str, Any], path: Path) -> None:
     import matplotlib
 
@@ -90,7 +100,7 @@ def draw(results: dict[str, Any], path: Path) -> None:
 def main() -> None:
     from machine import described
 
-    results = {part: measured(part) for part in ("em", "online", "rollouts", "startup")}
+    results = {part: measured(part) for part in ("em", "hsmm", "online", "rollouts", "startup")}
     about = described()
     speeds = results["rollouts"]
     text = f"""# Benchmarks
@@ -110,6 +120,11 @@ where two threads are named. The floor is the arithmetic that cannot be avoided,
 same core in the same minute. Peak memory over the data, 10⁶ frames: {memory():.1f} MB.
 
 ![One EM iteration](benchmarks.png)
+
+## Explicit durations: one E-step, and one tick of the filter
+
+{durations_table(results["hsmm"])}
+L is how many frames a state may last. No peer: hmmlearn, dynamax, pomegranate and gmr have none.
 
 ## One tick on line from Python, median / 99.9 % in µs
 

@@ -4,8 +4,19 @@ import numpy as np
 
 from comanip.models.gmm import Gmm
 from comanip.models.hmm import Hmm
+from comanip.models.hsmm import Hsmm
 
 CHANNELS = ("position.z", "force.z", "velocity.z")
+
+
+def agree(a, b, *, tolerance=1e-10):
+    np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * max(np.abs(b).max(), 1e-300))
+
+
+def resident():
+    """Bytes of memory that this process holds."""
+    with open("/proc/self/statm") as statm:
+        return int(statm.read().split()[1]) * 4096
 
 
 def random_covariances(rng, n_states, n_channels, size=1.0):
@@ -58,3 +69,14 @@ class Stored:
 
     def __repr__(self):
         return "Stored()"
+
+
+def random_hsmm(rng, n_states=3, n_channels=2, longest=4, spread=2.0, left_right=False):
+    p = random_hmm(rng, n_states, n_channels, spread)
+    rows = p.transition * ~np.eye(n_states, dtype=bool)
+    if left_right or n_states == 1:
+        rows = np.eye(n_states, k=1)
+        rows[-1, -1] = 1.0
+    initial = np.eye(n_states)[0] if left_right else p.initial
+    durations = rng.dirichlet(np.ones(longest), size=n_states)
+    return Hsmm(initial, rows / rows.sum(axis=1, keepdims=True), durations, p.means, p.covariances, p.channels)

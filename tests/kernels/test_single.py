@@ -16,8 +16,8 @@ from comanip.models.gmm import fit_gmm
 from comanip.models.hmm import Hmm, fit_hmm
 from comanip.models.learning import climb_fast_first
 from comanip.models.rollout import roll_out
-from kernels.test_twins import LEVELS, agree, chain, lessons_of, level  # noqa: F401
-from toys import random_gmm, random_hmm
+from kernels.test_twins import LEVELS, chain, lessons_of
+from toys import agree, random_gmm, random_hmm
 
 native_only = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
 
@@ -52,7 +52,7 @@ def test_expectations_for_all_sizes_and_ragged_lengths(lengths, d, k, seed, left
 
 @native_only
 @pytest.mark.parametrize("lengths", [[500] * 40, [5000], [300] * 9 + [20] * 50])
-def test_weights_and_threads(level, lengths):  # noqa: F811
+def test_weights_and_threads(level, lengths):
     rng = np.random.default_rng(2)
     lessons, p = lessons_of(rng, lengths, 4), chain(rng, 7, 4)
     white = whitening(p.means, p.covariances).arrays
@@ -69,13 +69,13 @@ def test_weights_and_threads(level, lengths):  # noqa: F811
 
 @native_only
 @pytest.mark.parametrize("lengths", [[100_000], [60_000, 60_000]])
-def test_long_sequences_lose_no_digits(level, lengths):  # noqa: F811
+def test_long_sequences_lose_no_digits(level, lengths):
     rng = np.random.default_rng(3)
     check_expectations(chain(rng, 5, 3), lessons_of(rng, lengths, 3), tolerance=1e-4)
 
 
 @native_only
-def test_where_float32_ends_float64_takes_the_sequence(level):  # noqa: F811
+def test_where_float32_ends_float64_takes_the_sequence(level):
     """Left-right: the second lesson goes back to where only a state of the past could be, 18 digits of probability away."""
     p = Chain(np.eye(2)[0], np.array([[0.5, 0.5], [0.0, 1.0]]), np.array([[0.0], [11.0]]), np.ones((2, 1, 1)))
     there, back = [0.0] * 20 + [11.0] * 20, [0.0] * 20 + [11.0] * 20 + [0.0] * 5
@@ -93,7 +93,7 @@ def test_where_float32_ends_float64_takes_the_sequence(level):  # noqa: F811
 
 @native_only
 @pytest.mark.parametrize("far", [1e3, 1e5, 1e20, 1e60])
-def test_outliers_give_the_numbers_of_float64(level, far):  # noqa: F811
+def test_outliers_give_the_numbers_of_float64(level, far):
     rng = np.random.default_rng(0)
     for lengths in ([50, 60, 70] * 12, [500]):
         for left_right in (False, True):
@@ -107,7 +107,7 @@ def test_outliers_give_the_numbers_of_float64(level, far):  # noqa: F811
 
 
 @native_only
-def test_a_state_that_nothing_visits(level):  # noqa: F811
+def test_a_state_that_nothing_visits(level):
     rng = np.random.default_rng(1)
     p, lessons = chain(rng, 4, 3), lessons_of(rng, [200] * 10, 3)
     means = p.means.copy()
@@ -117,7 +117,7 @@ def test_a_state_that_nothing_visits(level):  # noqa: F811
 
 @native_only
 @pytest.mark.parametrize(("d", "k", "n"), [(1, 1, 1), (3, 5, 129), (7, 10, 9001), (20, 20, 3000)])
-def test_mixtures(level, d, k, n):  # noqa: F811
+def test_mixtures(level, d, k, n):
     rng = np.random.default_rng(n)
     model, z = random_gmm(rng, k, d), 2.0 * rng.normal(size=(n, d))
     p = gmm._Mixture(model.weights, model.means, model.covariances)
@@ -179,7 +179,7 @@ def law(offset=0.0):
 @native_only
 @pytest.mark.parametrize("n", [1, 70, 300])
 @pytest.mark.parametrize("length", [1, 30, 33])
-def test_roll_outs(level, n, length):  # noqa: F811
+def test_roll_outs(level, n, length):
     rng = np.random.default_rng(n)
     model, start, force = law(), rng.normal(size=(n, 2)), rng.normal(size=(n, length, 1))
     one, two = [roll_out(model, start, force, dt=0.01, n_threads=m, precision="float32") for m in (1, 2)]
@@ -249,7 +249,7 @@ def test_what_is_not_finite_is_refused_wherever_it_stands(precision, value, t):
 
 @native_only
 @pytest.mark.parametrize("lengths", [[200_000], [100_000, 100_000]])
-def test_sums_of_very_many_equal_numbers_lose_no_digits(level, lengths):  # noqa: F811
+def test_sums_of_very_many_equal_numbers_lose_no_digits(level, lengths):
     """What float32 adds to a sum of 1e5 is rounded to the same side each time."""
     p = Chain(np.ones(1), np.ones((1, 1)), np.zeros((1, 1)), np.ones((1, 1, 1)))
     lessons = lessons_of(np.random.default_rng(0), lengths, 1)
@@ -271,7 +271,7 @@ def test_a_fall_in_float32_is_rounding_and_in_float64_a_defect():
 
 
 @native_only
-def test_weights_of_two_near_states_have_six_digits(level):  # noqa: F811
+def test_weights_of_two_near_states_have_six_digits(level):
     """Log-densities are small here, so what is wrong is the exponential."""
     z = np.linspace(-3.0, 3.0, 1001)[:, None]
     p = gmm._Mixture(np.full(2, 0.5), np.array([[-1.0], [1.0]]), np.ones((2, 1, 1)))

@@ -16,18 +16,10 @@ from comanip.models.gmr import Regression
 from comanip.models.hmm import Hmm
 from comanip.models.lessons import Lessons
 from comanip.models.rollout import roll_out
-from toys import random_covariances, random_gmm, random_hmm
+from toys import agree, random_covariances, random_gmm, random_hmm, resident
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
 LEVELS = kernels.native.levels() if kernels.native else []
-
-
-@pytest.fixture(params=LEVELS)
-def level(request):
-    before = kernels.native.level()
-    kernels.native.use(request.param)
-    yield request.param
-    kernels.native.use(before)
 
 
 def chain(rng, n_states, n_channels, left_right=False):
@@ -42,10 +34,6 @@ def lessons_of(rng, lengths, n_channels):
     z = 1.5 * rng.normal(size=(int(np.sum(lengths)), n_channels))
     d = n_channels
     return Lessons(z, np.asarray(lengths), np.zeros(d), np.ones(d), tuple(f"c{i}" for i in range(d)))
-
-
-def agree(a, b, *, tolerance=1e-10):
-    np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * max(np.abs(b).max(), 1e-300))
 
 
 def check_e_step(p, lessons):
@@ -249,19 +237,14 @@ def test_ten_thousand_calls_leave_no_memory_behind():
 
     for _ in range(100):
         everything()
-    before = _resident()
+    before = resident()
     tracemalloc.start()
     for _ in range(2500):
         everything()
     python_bytes = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     assert python_bytes < 200_000
-    assert _resident() - before < 3_000_000
-
-
-def _resident():
-    with open("/proc/self/statm") as statm:
-        return int(statm.read().split()[1]) * 4096
+    assert resident() - before < 3_000_000
 
 
 def test_shapes_that_do_not_fit_are_refused():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from comanip.errors import ParameterError
 from comanip.models.selection import select_states
 from toys import CHANNELS, lifts
 
@@ -15,3 +16,12 @@ def test_the_number_of_processes_changes_no_score(criterion):
         ).scores
 
     np.testing.assert_array_equal(scores(1), scores(2))
+
+
+@pytest.mark.parametrize("criterion", ["bic", "cross-validation"])
+def test_durations_are_scored_as_what_they_are(criterion):
+    data = [x[::4] for x in lifts(4)]
+    found = {m: select_states(data, [3], channels=CHANNELS, criterion=criterion, model=m) for m in ("hmm", "hsmm")}
+    assert found["hsmm"].scores[0] < found["hmm"].scores[0]  # lifts of much the same length: durations say something
+    with pytest.raises(ParameterError, match="hmm, hsmm; got 'crf'"):
+        select_states(data, [3], channels=CHANNELS, model="crf")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import comanip
-from comanip import Hmm, fit_gmm, fit_hmm, select_states
+from comanip import Hmm, Hsmm, fit_gmm, fit_hmm, fit_hsmm, select_states
 from comanip.errors import ChannelError, ParameterError
 from comanip.models import gmm, hmm
 from comanip.models.baum_welch import most_likely_rows
@@ -41,6 +41,32 @@ GOOD = {
 def test_a_model_that_is_none_cannot_be_made(wrong, message):
     with pytest.raises(ParameterError, match=message):
         Hmm(**{**GOOD, **wrong})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"transition": [[0.5, 0.5], [0.0, 1.0]]}, "state 0 follows itself with probability 0.5"),
+        ({"durations": [[0.5, 0.5], [0.5, 0.4]]}, "durations must sum to 1"),
+        ({"durations": [0.5, 0.5]}, r"durations must be \(K, L\)"),
+        ({"initial": [1.0]}, r"initial must have shape \(2,\); got \(1,\)"),
+    ],
+)
+def test_durations_that_mean_nothing_are_refused(wrong, message):
+    good = GOOD | {"transition": [[0.0, 1.0], [0.0, 1.0]], "durations": [[0.5, 0.5], [0.0, 1.0]]}
+    assert Hsmm(**good).longest == 2
+    with pytest.raises(ParameterError, match=message):
+        Hsmm(**good | wrong)
+
+
+def test_options_of_durations_say_what_is_allowed():
+    data = [x[::10] for x in lifts(3)]
+    with pytest.raises(ParameterError, match="duration_floor is a ratio above 0 and at most 1; got 0"):
+        fit_hsmm(data, 3, channels=CHANNELS, duration_floor=0.0)
+    with pytest.raises(ParameterError, match="longest must be at least 1 frame; got 0"):
+        fit_hsmm(data, 3, channels=CHANNELS, longest=0)
+    with pytest.raises(ChannelError, match="asked for 3 of"):
+        fit_hsmm(data, 3, channels=CHANNELS, initial_guess=fit_hmm(data, 2, channels=CHANNELS).model)
 
 
 def test_a_model_cannot_be_changed():

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import ParameterError
 from .plan import Plan, plan
 
 ABSENT = "numpy: the compiled kernels are absent (no C compiler when comanip was installed), so all works, 10 to 50 times slower"
@@ -33,13 +32,6 @@ def _load() -> tuple[Any, str]:
 
 
 native, description = _load()
-
-
-def single(precision: str) -> bool:
-    """Whether "float64" or "float32" means float32 here: the twins know float64 only."""
-    if precision not in ("float64", "float32"):
-        raise ParameterError(f"precision must be 'float64' or 'float32'; got {precision!r}")
-    return precision == "float32" and native is not None
 
 
 class Sums(NamedTuple):
@@ -98,6 +90,48 @@ def likelihoods(frames: np.ndarray, groups: Plan, initial: np.ndarray, transitio
     given = _in_order(frames, *groups, initial, transition, *white)
     native.e_step(*given, None, None, None, found, failed, None, n_threads, single)
     return found, failed
+
+
+class SegmentSums(NamedTuple):
+    """What one E-step of a semi-Markov model gives: as Sums, and durations (K, L), expected number of segments of d frames."""
+
+    moments: np.ndarray
+    transitions: np.ndarray
+    first: np.ndarray
+    durations: np.ndarray
+    log_likelihood: np.ndarray
+    failed: np.ndarray
+    weights: np.ndarray | None
+
+
+def segments(
+    frames: np.ndarray,
+    lengths: np.ndarray,
+    initial: np.ndarray,
+    transition: np.ndarray,
+    durations: np.ndarray,
+    white: tuple[np.ndarray, ...],
+    *,
+    weights: bool = False,
+    n_threads: int = 1,
+) -> SegmentSums:
+    """E-step over segments: frames (N, D) of sequences one after another, durations (K, L).
+
+    Any number of threads gives the same bits.
+    """
+    n, d, k, s, longest = len(frames), len(white[0]), len(white[3]), len(lengths), durations.shape[1]
+    starts, table = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64), in_eights(durations)
+    out = SegmentSums(
+        np.empty((k, d + 1, d + 1)), np.empty((k, k)), np.empty(k), np.empty_like(table), np.empty(s), np.empty(s, dtype=bool),
+        np.zeros((n, k)) if weights else None,
+    )  # fmt: skip
+    native.segments(*_in_order(frames, starts, initial, transition, table, *white), *out, n_threads)
+    return out._replace(durations=out.durations[:, :longest])
+
+
+def in_eights(durations: np.ndarray) -> np.ndarray:
+    """(K, L) with columns of zeros behind, so that at every level a row is whole vectors."""
+    return np.pad(durations, ((0, 0), (0, -durations.shape[1] % 8)))
 
 
 def mixture(frames: np.ndarray, log_weights: np.ndarray, white: tuple[np.ndarray, ...], *, weights: bool = False,

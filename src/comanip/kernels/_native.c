@@ -56,6 +56,8 @@ typedef struct {
     double *log_likelihood, *weights;
     unsigned char *failed;
     int statistics;
+    const double *durations; /* (K, longest) of an Hsmm, else NULL */
+    int longest;
 } Job;
 
 typedef struct {             /* ForwardFilter: everything padded to whole vectors of states */
@@ -330,6 +332,8 @@ typedef struct {
     atomic_int next_slot, next_space;
 } Work;
 
+static void segments_of(const Level *level, const Job *job, int64_t sequence, double *space, double *slot);
+
 static void *work(void *argument) {
     Work *w = argument;
     double *space = w->space + w->space_size * atomic_fetch_add(&w->next_space, 1);
@@ -338,6 +342,10 @@ static void *work(void *argument) {
     for (int s; (s = atomic_fetch_add(&w->next_slot, 1)) < w->n_slots;)
         for (int g = s; g < w->n_groups; g += w->n_slots) {
             double *slot = w->slots + w->slot_size * s;
+            if (w->job && w->job->durations) {
+                segments_of(w->level, w->job, g, space, slot);
+                continue;
+            }
             const int64_t *lane = w->mixture || w->rollouts ? NULL : w->job->lanes + (int64_t)g * lanes;
             if (w->rollouts) w->level->rollouts(w->rollouts, g, space);
             else if (w->mixture) w->level->mixture(w->job, g, space, slot);
@@ -791,6 +799,8 @@ static PyObject *lines_mean(PyObject *object, PyObject *const *args, Py_ssize_t 
     return PyBool_FromLong(done);
 }
 
+#include "_hsmm.h"
+
 /* ---------------------------------------------------------------------------------------------- laws and envelope */
 
 #define MOST_AXES 6
@@ -1068,6 +1078,7 @@ static PyObject *use(PyObject *self, PyObject *args) {
 
 static PyMethodDef functions[] = {
     {"e_step", e_step, METH_VARARGS, "Expectations of a hidden Markov model over planned groups; True when a sequence needs the twin."},
+    {"segments", segments, METH_VARARGS, "Expectations of a hidden semi-Markov model; sequences marked as failed need the twin."},
     {"mixture", mixture, METH_VARARGS, "Moments of a mixture and the log-likelihood of all frames."},
     {"decode", decode, METH_VARARGS, "Viterbi path of one sequence; gives its log-probability."},
     {"rollouts", rollouts, METH_VARARGS, "Many roll-outs of a learned velocity law."},
@@ -1121,7 +1132,7 @@ static PyType_Spec envelope_spec = {"comanip.kernels._native.Envelope", sizeof(E
 static int start(PyObject *module) {
     for (int i = N_LEVELS - 1; i >= 0; i--)
         if (runs_here(LEVELS[i])) active = LEVELS[i];
-    PyType_Spec *const specs[] = {&filter_spec, &lines_spec, &law_spec, &envelope_spec};
+    PyType_Spec *const specs[] = {&filter_spec, &lines_spec, &law_spec, &envelope_spec, &waiting_spec};
     for (size_t i = 0; i < sizeof specs / sizeof *specs; i++) {
         PyObject *type = PyType_FromSpec(specs[i]);
         if (!type || PyModule_AddType(module, (PyTypeObject *)type) < 0) {

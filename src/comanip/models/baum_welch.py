@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import kernels
+from ..errors import ParameterError
 from ..interfaces import Array
 from . import chains
 from .gaussian import Whitening, suits_float32, whitening
@@ -100,6 +101,16 @@ def most_likely_rows(counts: Array, before: Array, floor: float) -> Array:
     return rows
 
 
+def check_options(topology: str, restarts: int, transition_floor: float, n_states: int, *, goes_on: bool) -> None:
+    """`goes_on`: a model is the first guess."""
+    if topology not in ("left-right", "cyclic", "free"):
+        raise ParameterError(f"topology must be 'left-right', 'cyclic' or 'free'; got {topology!r}")
+    if restarts < 1 or (restarts > 1 and goes_on):
+        raise ParameterError(f"restarts must be at least 1, and 1 when a model is the guess; got {restarts!r}")
+    if not 0.0 <= transition_floor * n_states < 1.0:
+        raise ParameterError(f"transition_floor must be below 1 / n_states; got {transition_floor!r}")
+
+
 def allowed_transitions(topology: str, n_states: int) -> np.ndarray:
     if topology == "free":
         return np.ones((n_states, n_states), dtype=bool)
@@ -107,6 +118,28 @@ def allowed_transitions(topology: str, n_states: int) -> np.ndarray:
     if topology == "cyclic":
         on[-1, 0] = True
     return np.eye(n_states, dtype=bool) | on
+
+
+def allowed_rows(transition: Array, allowed: np.ndarray) -> Array:
+    """The rows of another model, what is not allowed left out; a row with nothing left allows everything."""
+    rows = transition * allowed
+    stuck = rows.sum(axis=1) <= 0.0
+    rows[stuck] = allowed[stuck]
+    return rows / rows.sum(axis=1, keepdims=True)
+
+
+def rows_of_states(transition: Array, order: np.ndarray) -> Array:
+    """The chain among the states of `order`; a state from which only others led is never left."""
+    rows = transition[np.ix_(order, order)]
+    rows = rows + np.diag(rows.sum(axis=1) <= 0.0)
+    return rows / rows.sum(axis=1, keepdims=True)
+
+
+def free_parameters(topology: str, allowed: np.ndarray, n_channels: int) -> int:
+    """Of Π, of the transitions that `allowed` (K, K) has, and of full Gaussians."""
+    n, d = len(allowed), n_channels
+    chain = (0 if topology == "left-right" else n - 1) + int((allowed.sum(axis=1) - 1).clip(0).sum())
+    return chain + n * d + n * d * (d + 1) // 2
 
 
 def from_labels(lessons: Lessons, labels: np.ndarray, allowed: np.ndarray, floor: float, topology: str) -> Chain:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 
 import numpy as np
@@ -13,16 +14,18 @@ from ..interfaces import Array
 from ..recording import expand
 from .gaussian import Whitening, marginal, whitening
 from .hmm import Hmm
+from .hsmm import Hsmm
 
 UNBELIEVABLE = 1e100  # an input farther out than this is no measurement: treated like NaN
-FRESH, HOPELESS_TICKS, RESTARTS, LAST, SUM = range(5)  # ForwardFilter._state
+FRESH, HOPELESS_TICKS, RESTARTS, LAST, SUM = range(5)  # StateFilter._state
 HOPELESS = 20.0  # [nats] evidence for a state that the dynamics exclude this clearly speaks against the weights
 
 
-class ForwardFilter:
-    """Weights h_t(i) ∝ [Σ_j h_{t-1}(j) a_ji] N(ξ_t; μ_i, Σ_i), normalised, robust against what sensors do.
+class StateFilter(ABC):
+    """Weights h_t(i) ∝ prediction_t(i) N(ξ_t; μ_i, Σ_i), normalised, robust against what sensors do.
 
-    A tick is written around the best state, h ∝ exp(log prediction + log density − maximum), so 0/0 cannot happen.
+    All of a tick but the dynamics: `_predict` says what the weights would be without evidence. A tick is written around the best
+    state, h ∝ exp(log prediction + log density − maximum), so 0/0 cannot happen.
 
     channels          which channels are evidence, by name; the others are integrated out. `xi` of `step` has these, in
                       the order of `filter.channels`
@@ -41,7 +44,7 @@ class ForwardFilter:
 
     def __init__(
         self,
-        model: Hmm,
+        model: Hmm | Hsmm,
         channels: str | Iterable[str] | None = None,
         *,
         transition_floor: float = 1e-6,
@@ -58,7 +61,6 @@ class ForwardFilter:
         self._columns = np.array([model.channels.index(c) for c in self.channels], dtype=np.intp)
         k, d = model.n_states, len(self.channels)
         self._initial = (1.0 - transition_floor) * model.initial + transition_floor / k
-        self._chain = np.ascontiguousarray((1.0 - transition_floor) * model.transition + transition_floor / k)
         self._marginals: dict[bytes, Whitening] = {}
         self._all = self._prepared(np.ones(d, dtype=bool))
         # one product for the whole whitening: [L⁻¹, −L⁻¹(μ − origin)] @ [ξ − origin, 1]
@@ -71,13 +73,6 @@ class ForwardFilter:
         self._z_by_state = self._z.reshape(k, d)
         self._weights, self._predicted = np.empty(k), np.empty(k)
         self._state = np.zeros(5)  # what else a tick remembers, in one array that the compiled tick shares
-        self.compiled = None  # the same tick in C, for this step and for a compiled law
-        if kernels.native is not None and d <= 256:
-            self.compiled = kernels.native.Filter(
-                *self._all.arrays, self._initial, self._chain, self._weights, self._state, self.gate, self.patience
-            )
-        self._tick = self.compiled and self.compiled.step
-        self.reset()
 
     @property
     def n_states(self) -> int:
@@ -100,11 +95,6 @@ class ForwardFilter:
         return self._initial
 
     @property
-    def chain(self) -> Array:
-        """A (K, K) as this filter uses it, with its floor."""
-        return self._chain
-
-    @property
     def whitening(self) -> Whitening:
         """Densities of `channels`, none missing."""
         return self._all
@@ -124,11 +114,9 @@ class ForwardFilter:
         """The sum of `last_log_likelihood` since the reset."""
         return float(self._state[SUM])
 
-    def step(self, xi: Array) -> Array:
-        """Takes in one tick xi (D,) and gives the weights (K,): a view that the next step overwrites."""
-        if self._tick is not None and self._tick(xi):
-            return self._weights
-        return self._step(xi)
+    @abstractmethod
+    def _predict(self, predicted: Array) -> None:
+        """Fills `predicted` (K,) from the weights of the tick before; not asked for the first tick, which has Π."""
 
     def _step(self, xi: Array) -> Array:
         """The tick to read; the compiled one leaves it what is missing, hopeless or beyond float64 without logarithms."""
@@ -137,7 +125,7 @@ class ForwardFilter:
             predicted[:] = self._initial
             state[FRESH] = 0.0
         else:
-            np.dot(self._weights, self._chain, out=predicted)
+            self._predict(predicted)
         log_b = self._evidence(xi)
         if log_b is None:
             self._weights[:] = predicted
@@ -187,3 +175,119 @@ class ForwardFilter:
             columns = self._columns[present]
             self._marginals[pattern] = whitening(*marginal(self.model.means, self.model.covariances, columns))
         return self._marginals[pattern]
+
+
+class ForwardFilter(StateFilter):
+    """Eq. (4): h_t(i) ∝ [Σ_j h_{t-1}(j) a_ji] N(ξ_t; μ_i, Σ_i); options as in StateFilter."""
+
+    def __init__(
+        self,
+        model: Hmm,
+        channels: str | Iterable[str] | None = None,
+        *,
+        transition_floor: float = 1e-6,
+        gate: float = 20.0,
+        patience: int = 3,
+    ) -> None:
+        super().__init__(model, channels, transition_floor=transition_floor, gate=gate, patience=patience)
+        self._chain = np.ascontiguousarray((1.0 - transition_floor) * model.transition + transition_floor / model.n_states)
+        self.compiled = None  # the same tick in C, for this step and for a compiled law
+        if kernels.native is not None and len(self.channels) <= 256:
+            self.compiled = kernels.native.Filter(
+                *self._all.arrays, self._initial, self._chain, self._weights, self._state, self.gate, self.patience
+            )
+        self._tick = self.compiled and self.compiled.step
+        self.reset()
+
+    @property
+    def chain(self) -> Array:
+        """A (K, K) as this filter uses it, with its floor."""
+        return self._chain
+
+    def step(self, xi: Array) -> Array:
+        """Takes in one tick xi (D,) and gives the weights (K,): a view that the next step overwrites."""
+        if self._tick is not None and self._tick(xi):
+            return self._weights
+        return self._step(xi)
+
+    def _predict(self, predicted: Array) -> None:
+        np.dot(self._weights, self._chain, out=predicted)
+
+
+class DurationFilter(StateFilter):
+    """The same with the durations of an Hsmm, on a clock that its owner sets; options as in StateFilter.
+
+    Beside the weights it keeps how long each state will still last: left (K, L), the chance of r = 1..L more frames given that
+    this is the state. Evidence chooses between states and never touches it; only time does.
+
+    Who leads lets durations run: rate 1 in `step`, less while his partner holds back. Who follows waits for evidence: at rate 0
+    no state ends by the clock, and evidence alone moves the weights on, at once where it is clear. A partner slower than taught
+    outlasts a state: evidence then brings it back for another duration.
+    """
+
+    def __init__(
+        self,
+        model: Hsmm,
+        channels: str | Iterable[str] | None = None,
+        *,
+        transition_floor: float = 1e-6,
+        gate: float = 20.0,
+        patience: int = 3,
+    ) -> None:
+        super().__init__(model, channels, transition_floor=transition_floor, gate=gate, patience=patience)
+        self._forgets = float(transition_floor)
+        self._durations, self._transition = kernels.in_eights(model.durations), model.transition
+        self._left, self._moved = np.empty((2, *self._durations.shape))
+        self._time = np.zeros(2)  # rate of the next tick, and what has gone by of the present frame
+        self._frames = np.arange(1.0, self._durations.shape[1] + 1.0)
+        self._tick = None
+        if kernels.native is not None and len(self.channels) <= 256:
+            self._tick = kernels.native.DurationFilter(
+                *self._all.arrays, self._initial, self._transition, self._durations, self._weights, self._left, self._time,
+                self._state, self.gate, self._forgets, self.patience,
+            ).step  # fmt: skip
+        self.reset()
+
+    def reset(self) -> None:
+        super().reset()
+        self._left[:] = self._durations
+        self._time[:] = 0.0
+
+    @property
+    def remaining(self) -> Array:
+        """How many more frames each state is expected to last if this is it, the present one included, (K,)."""
+        return np.asarray(self._left @ self._frames)
+
+    def step(self, xi: Array, rate: float = 1.0) -> Array:
+        """As `ForwardFilter.step`; `rate` frames have gone by inside durations since the tick before: 0 holds their clock."""
+        if self._tick is not None and self._tick(xi, rate):
+            return self._weights
+        self._time[0] = rate
+        before = self._state[RESTARTS]
+        weights = self._step(xi)
+        if self._state[RESTARTS] > before:
+            self._left[:] = self._durations  # a state that the dynamics excluded begins now
+        return weights
+
+    def _predict(self, predicted: Array) -> None:
+        rate, passed = self._time.tolist()
+        passed += min(rate, len(self._frames)) if rate > 0.0 else 0.0  # NaN is no time
+        whole = int(passed + 1e-9)  # ten times 0.1 are one frame
+        self._time[1] = passed - whole
+        predicted[:] = self._weights
+        for _ in range(max(whole, 1)):
+            self._move(predicted, whole > 0)
+
+    def _move(self, h: Array, ends: bool) -> None:
+        """h(j, r) ← (1 − ε) [h(j, r + 1) + p_j(r) Σ_i h(i, 1) a_ij] + ε/K p_j(r); without a frame of time only the forgetting."""
+        left, moved, stay = self._left, self._moved, 1.0 - self._forgets
+        entered = np.full(len(h), self._forgets / len(h))
+        if ends:
+            entered += stay * ((h * left[:, 0]) @ self._transition)
+            moved[:, :-1], moved[:, -1] = left[:, 1:], 0.0
+        else:
+            moved[:] = left
+        moved *= stay * h[:, None]
+        moved += entered[:, None] * self._durations
+        np.add.reduce(moved, axis=1, out=h)
+        np.divide(moved, h[:, None], out=left, where=h[:, None] > 1e-300)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import kernels
 from ..errors import ParameterError
 from ..interfaces import Array
 
@@ -60,6 +61,13 @@ class Whitening:
     def log_density(self, x: Array) -> Array:
         """log N(x; μ_i, Σ_i) as (N, K) for x (N, D)."""
         return np.maximum(self.log_peak - 0.5 * self.distances(x), LEAST_LOG_DENSITY)
+
+
+def in_float32(precision: str) -> bool:
+    """Whether "float64" or "float32" means float32 here: the twins know float64 only."""
+    if precision not in ("float64", "float32"):
+        raise ParameterError(f"precision must be 'float64' or 'float32'; got {precision!r}")
+    return precision == "float32" and kernels.native is not None
 
 
 def suits_float32(white: Whitening, means: Array, covariances: Array, origin: Array | float | None = None) -> bool:

@@ -13,8 +13,8 @@ from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from .gaussian import (
     channel_names,
-    floored,
     gaussian_blocks,
+    in_float32,
     log_density,
     log_sum_exp,
     normalised,
@@ -23,15 +23,15 @@ from .gaussian import (
     whitening,
 )
 from .learning import (
-    UNVISITED,
     Fit,
-    climb_fast_first,
+    best_climb,
     first_guess,
+    fit_of,
     gaussians_of_labels,
     gaussians_of_moments,
+    guessed_gaussians,
+    kept_states,
     moments_about,
-    say_converged,
-    say_unvisited,
 )
 from .lessons import Lessons, prepare
 
@@ -112,7 +112,7 @@ def fit_gmm(
     """Learns a Gmm from demonstrations, each (T, D). Parameters as in `fit_hmm`; time serves the first guess only."""
     if restarts < 1 or (restarts > 1 and isinstance(initial_guess, Gmm)):
         raise ParameterError(f"restarts must be at least 1, and 1 when a model is the guess; got {restarts!r}")
-    single = kernels.single(precision)
+    single = in_float32(precision)
     lessons = prepare(
         sequences,
         channels,
@@ -122,25 +122,23 @@ def fit_gmm(
         allow_constant=allow_constant,
         outlier_ratio=outlier_ratio,
     )
-    best: tuple[_Mixture, Array, bool] | None = None
-    for attempt in range(restarts):
+
+    def start(attempt: int) -> _Mixture:
         if isinstance(initial_guess, Gmm):
-            start = _from_model(lessons, initial_guess, n_states, covariance_floor)
-        else:
-            labels = first_guess(lessons, n_states, initial_guess, rng, jitter=attempt > 0)
-            share = (np.bincount(labels, minlength=n_states) + 0.5) / (len(labels) + 0.5 * n_states)
-            start = _Mixture(share, *gaussians_of_labels(lessons.z, labels, n_states, covariance_floor))
-        found = climb_fast_first(
-            start,
-            lambda p, single: _expect(p, lessons.z, single=single),
-            lambda e, p: _maximise(e, p, covariance_floor),
-            single=single,
-            max_iterations=max_iterations,
-            rise=tolerance * lessons.n_frames,
-        )
-        if best is None or found[1][-1] > best[1][-1]:
-            best = found
-    assert best is not None
+            return _Mixture(initial_guess.weights.copy(), *guessed_gaussians(initial_guess, lessons, n_states, covariance_floor))
+        labels = first_guess(lessons, n_states, initial_guess, rng, jitter=attempt > 0)
+        share = (np.bincount(labels, minlength=n_states) + 0.5) / (len(labels) + 0.5 * n_states)
+        return _Mixture(share, *gaussians_of_labels(lessons.z, labels, n_states, covariance_floor))
+
+    best = best_climb(
+        start,
+        restarts,
+        lambda p, single: _expect(p, lessons.z, single=single),
+        lambda e, p: _maximise(e, p, covariance_floor),
+        single=single,
+        max_iterations=max_iterations,
+        rise=tolerance * lessons.n_frames,
+    )
     return _finished(*best, lessons=lessons)
 
 
@@ -176,41 +174,17 @@ def _maximise(e: _Statistics, p: _Mixture, floor: float) -> _Mixture:
     return _Mixture(occupancy / occupancy.sum(), *gaussians_of_moments(e.moments, e.origin, floor, (p.means, p.covariances)))
 
 
-def _from_model(lessons: Lessons, guess: Gmm, n_states: int, floor: float) -> _Mixture:
-    if guess.channels != lessons.channels or guess.n_states != n_states:
-        raise ChannelError(
-            f"the model given as initial_guess has {guess.n_states} states of {guess.channels}; "
-            f"asked for {n_states} of {lessons.channels}"
-        )
-    means, covariances = lessons.standardised(guess.means, guess.covariances)
-    return _Mixture(guess.weights.copy(), means, floored(covariances, floor))
-
-
 def _finished(p: _Mixture, trace: Array, converged: bool, *, lessons: Lessons) -> Fit[Gmm]:
     gamma = _expect(p, lessons.z, gamma=True)[1].gamma
     assert gamma is not None
     occupancy = gamma.sum(axis=0)
-    unvisited = np.flatnonzero(occupancy < UNVISITED)
-    say_unvisited(unvisited, len(occupancy), lessons.notes)
-    say_converged(converged, len(trace) - 1, lessons.notes)
-    order = np.argsort(lessons.normalised_time() @ gamma / np.maximum(occupancy, 1e-300), kind="stable")
-    order = order[~np.isin(order, unvisited)]
+    order = kept_states(occupancy, lessons.normalised_time() @ gamma, converged, len(trace) - 1, lessons.notes)
     p = _Mixture(p.weights[order] / p.weights[order].sum(), p.means[order], p.covariances[order])
-    if len(unvisited):
+    if len(order) < len(occupancy):
         trace = np.append(trace[:-1], _expect(p, lessons.z)[0])
-    means, covariances = lessons.original(p.means, p.covariances)
-    trace = trace - lessons.log_volume
-    trace.setflags(write=False)
-    n, d = means.shape
-    free = n - 1 + n * d + n * d * (d + 1) // 2
-    return Fit(
-        model=Gmm(p.weights, means, covariances, lessons.channels),
-        log_likelihood=trace,
-        converged=converged,
-        notes=tuple(lessons.notes),
-        bic=float(-2.0 * trace[-1] + free * np.log(lessons.n_frames)),
-        n_frames=lessons.n_frames,
-    )
+    n, d = p.means.shape
+    model = Gmm(p.weights, *lessons.original(p.means, p.covariances), lessons.channels)
+    return fit_of(model, trace, converged, lessons, n - 1 + n * d + n * d * (d + 1) // 2)
 
 
 def _frames(model: Gmm, x: Any) -> Array:

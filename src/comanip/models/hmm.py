@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,16 +15,20 @@ from .. import kernels
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from . import chains
-from .baum_welch import Chain, allowed_transitions, expect, expectations_of, from_labels, maximise
-from .gaussian import channel_names, floored, gaussian_blocks, log_density, probabilities, suits_float32, whitening
-from .learning import (
-    UNVISITED,
-    Fit,
-    climb_fast_first,
-    first_guess,
-    say_converged,
-    say_unvisited,
+from .baum_welch import (
+    Chain,
+    allowed_rows,
+    allowed_transitions,
+    check_options,
+    expect,
+    expectations_of,
+    free_parameters,
+    from_labels,
+    maximise,
+    rows_of_states,
 )
+from .gaussian import channel_names, gaussian_blocks, in_float32, log_density, probabilities, suits_float32, whitening
+from .learning import Fit, best_climb, first_guess, fit_of, guessed_gaussians, kept_states
 from .lessons import Coordinates, Lessons, prepare
 
 
@@ -66,6 +70,14 @@ class Hmm:
         return len(self.channels)
 
 
+def frames_of(model: Any, sequence: Any) -> Array:
+    """One checked sequence (T, D) in the channels of `model`."""
+    x = np.asarray(sequence, dtype=np.float64)
+    if x.ndim != 2 or x.shape[1] != model.n_channels or not len(x):
+        raise ChannelError(f"a sequence must be (T, {model.n_channels}) for channels {model.channels}; got {x.shape}")
+    return np.ascontiguousarray(x)
+
+
 class Posteriors(NamedTuple):
     """weights (T, K) of each state at each frame given the WHOLE sequence, and its log-likelihood."""
 
@@ -80,8 +92,8 @@ def log_likelihood(model: Hmm, sequences: Iterable[Any], *, precision: str = "fl
     precision "float32" is for much data: up to twice as fast, to 1e-6 of the value and 1e-5 a frame. What it cannot resolve (a
     sequence far from every state, a state far from the others) is taken in float64; without compiled kernels all is.
     """
-    single = kernels.single(precision)
-    arrays = [_frames(model, x) for x in sequences]
+    single = in_float32(precision)
+    arrays = [frames_of(model, x) for x in sequences]
     lengths = np.array([len(x) for x in arrays])
     frames = np.concatenate(arrays)
     if kernels.native is None or np.isnan(frames).any():
@@ -105,7 +117,7 @@ def _log_likelihood(model: Hmm, frames: Array, lengths: np.ndarray) -> Array:
 
 def forward_backward(model: Hmm, sequence: Any) -> tuple[Array, Array, float]:
     """log α and log β (T, K) of one sequence (T, D), and its log-likelihood. Eq. (4), in the log domain."""
-    log_b = log_density(_frames(model, sequence), model.means, model.covariances)[None]
+    log_b = log_density(frames_of(model, sequence), model.means, model.covariances)[None]
     log_alpha, log_beta, found = chains.forward_backward(
         log_b, np.array([log_b.shape[1]]), chains.log_of(model.initial), chains.log_of(model.transition)
     )
@@ -114,7 +126,7 @@ def forward_backward(model: Hmm, sequence: Any) -> tuple[Array, Array, float]:
 
 def posteriors(model: Hmm, sequence: Any) -> Posteriors:
     """γ_t(i) of one sequence (T, D): uses the future too, so it is for analysis; `ForwardFilter` is for running."""
-    frames = _frames(model, sequence)
+    frames = frames_of(model, sequence)
     if kernels.native is not None and not np.isnan(frames).any():
         white = whitening(model.means, model.covariances).arrays
         groups = kernels.planned(np.array([len(frames)]))
@@ -128,7 +140,7 @@ def posteriors(model: Hmm, sequence: Any) -> Posteriors:
 
 def viterbi(model: Hmm, sequence: Any) -> np.ndarray:
     """The most likely states (T,), integers, of one sequence (T, D)."""
-    frames = _frames(model, sequence)
+    frames = frames_of(model, sequence)
     log_initial, log_transition = chains.log_of(model.initial), chains.log_of(model.transition)
     if kernels.native is not None and model.n_states <= 256 and not np.isnan(frames).any():
         return kernels.decode(frames, log_initial, log_transition, whitening(model.means, model.covariances).arrays)
@@ -195,13 +207,8 @@ def fit_hmm(
 
     States come out in order of time. Read `Fit.notes`: what was removed, skipped or suspicious is said there.
     """
-    if topology not in ("left-right", "cyclic", "free"):
-        raise ParameterError(f"topology must be 'left-right', 'cyclic' or 'free'; got {topology!r}")
-    if restarts < 1 or (restarts > 1 and isinstance(initial_guess, Hmm)):
-        raise ParameterError(f"restarts must be at least 1, and 1 when a model is the guess; got {restarts!r}")
-    if not 0.0 <= transition_floor * n_states < 1.0:
-        raise ParameterError(f"transition_floor must be below 1 / n_states; got {transition_floor!r}")
-    single = kernels.single(precision)
+    check_options(topology, restarts, transition_floor, n_states, goes_on=isinstance(initial_guess, Hmm))
+    single = in_float32(precision)
     lessons = prepare(
         sequences,
         channels,
@@ -212,43 +219,29 @@ def fit_hmm(
         outlier_ratio=outlier_ratio,
     )
     allowed = allowed_transitions(topology, n_states)
-    best: tuple[Chain, Array, bool] | None = None
-    for attempt in range(restarts):
+
+    def start(attempt: int) -> Chain:
         if isinstance(initial_guess, Hmm):
-            start = _from_model(lessons, initial_guess, n_states, allowed, covariance_floor)
-        else:
-            labels = first_guess(lessons, n_states, initial_guess, rng, jitter=attempt > 0)
-            start = from_labels(lessons, labels, allowed, covariance_floor, topology)
-        found = climb_fast_first(
-            start,
-            lambda p, single: expect(p, lessons, n_threads, single),
-            lambda e, p: maximise(e, p, covariance_floor, transition_floor),
-            single=single,
-            max_iterations=max_iterations,
-            rise=tolerance * lessons.n_frames,
-        )
-        if best is None or found[1][-1] > best[1][-1]:
-            best = found
-    assert best is not None
+            gaussians = guessed_gaussians(initial_guess, lessons, n_states, covariance_floor)
+            return Chain(initial_guess.initial.copy(), allowed_rows(initial_guess.transition, allowed), *gaussians)
+        labels = first_guess(lessons, n_states, initial_guess, rng, jitter=attempt > 0)
+        return from_labels(lessons, labels, allowed, covariance_floor, topology)
+
+    best = best_climb(
+        start,
+        restarts,
+        lambda p, single: expect(p, lessons, n_threads, single),
+        lambda e, p: maximise(e, p, covariance_floor, transition_floor),
+        single=single,
+        max_iterations=max_iterations,
+        rise=tolerance * lessons.n_frames,
+    )
     weights = _weights(best[0], lessons)
     occupancy = weights.sum(axis=0)
     return finished(
         *best, ground=lessons, topology=topology, allowed=allowed, occupancy=occupancy,
         time=lambda: lessons.normalised_time() @ weights, score=lambda p: expect(p, lessons)[0],
     )  # fmt: skip
-
-
-def _from_model(lessons: Lessons, guess: Hmm, n_states: int, allowed: np.ndarray, floor: float) -> Chain:
-    if guess.channels != lessons.channels or guess.n_states != n_states:
-        raise ChannelError(
-            f"the model given as initial_guess has {guess.n_states} states of {guess.channels}; "
-            f"asked for {n_states} of {lessons.channels}"
-        )
-    means, covariances = lessons.standardised(guess.means, guess.covariances)
-    rows = guess.transition * allowed
-    stuck = rows.sum(axis=1) <= 0.0
-    rows[stuck] = allowed[stuck]
-    return Chain(guess.initial.copy(), rows / rows.sum(axis=1, keepdims=True), means, floored(covariances, floor))
 
 
 def finished(
@@ -267,32 +260,14 @@ def finished(
 
     occupancy (K,) Σγ over all frames; time() the same times the normalised time; score the log-likelihood in z.
     """
-    unvisited = np.flatnonzero(occupancy < UNVISITED)
-    say_unvisited(unvisited, len(occupancy), ground.notes)
-    say_converged(converged, len(trace) - 1, ground.notes)
-    order = np.arange(len(occupancy))
-    if topology != "left-right":
-        order = np.argsort(time() / np.maximum(occupancy, 1e-300), kind="stable")
-    order = order[~np.isin(order, unvisited)]
-    p = Chain(p.initial[order], p.transition[np.ix_(order, order)], p.means[order], p.covariances[order])
-    rows = p.transition + np.diag(p.transition.sum(axis=1) <= 0.0)
-    p = p._replace(initial=p.initial / p.initial.sum(), transition=rows / rows.sum(axis=1, keepdims=True))
-    if len(unvisited):
+    order = kept_states(occupancy, None if topology == "left-right" else time(), converged, len(trace) - 1, ground.notes)
+    initial = p.initial[order] / p.initial[order].sum()
+    p = Chain(initial, rows_of_states(p.transition, order), p.means[order], p.covariances[order])
+    if len(order) < len(occupancy):
         trace = np.append(trace[:-1], score(p))
-    means, covariances = ground.original(p.means, p.covariances)
-    trace = trace - ground.log_volume
-    trace.setflags(write=False)
-    n, d = means.shape
-    free = (0 if topology == "left-right" else n - 1) + int((allowed[np.ix_(order, order)].sum(axis=1) - 1).clip(0).sum())
-    free += n * d + n * d * (d + 1) // 2
-    return Fit(
-        model=Hmm(p.initial, p.transition, means, covariances, ground.channels),
-        log_likelihood=trace,
-        converged=converged,
-        notes=tuple(ground.notes),
-        bic=float(-2.0 * trace[-1] + free * np.log(ground.n_frames)),
-        n_frames=ground.n_frames,
-    )
+    free = free_parameters(topology, allowed[np.ix_(order, order)], p.means.shape[1])
+    model = Hmm(p.initial, p.transition, *ground.original(p.means, p.covariances), ground.channels)
+    return fit_of(model, trace, converged, ground, free)
 
 
 def _weights(p: Chain, lessons: Lessons) -> Array:
@@ -306,10 +281,3 @@ def _weights(p: Chain, lessons: Lessons) -> Array:
         rows = np.repeat(sums.failed, lessons.lengths)
         sums.weights[rows] = expectations_of(p, white, lessons.z[rows], lessons.lengths[sums.failed]).weights
     return sums.weights
-
-
-def _frames(model: Hmm, sequence: Sequence[Any] | Array) -> Array:
-    x = np.asarray(sequence, dtype=np.float64)
-    if x.ndim != 2 or x.shape[1] != model.n_channels or not len(x):
-        raise ChannelError(f"a sequence must be (T, {model.n_channels}) for channels {model.channels}; got {x.shape}")
-    return np.ascontiguousarray(x)

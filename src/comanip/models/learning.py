@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from ..errors import InternalError, ParameterError
+from ..errors import ChannelError, InternalError, ParameterError
 from ..interfaces import Array
 from .gaussian import floored
-from .lessons import Lessons, Notes
+from .lessons import Coordinates, Lessons, Notes
 
 Model = TypeVar("Model")
 Parameters = TypeVar("Parameters")
@@ -104,6 +104,63 @@ def climb_fast_first(
         parameters, lambda p: expect(p, False), maximise, max_iterations=max_iterations - len(before), rise=rise
     )
     return parameters, np.append(before, trace), converged
+
+
+def best_climb(
+    start: Callable[[int], Parameters],
+    restarts: int,
+    expect: Callable[[Parameters, bool], tuple[float, Statistics]],
+    maximise: Callable[[Statistics, Parameters], Parameters],
+    *,
+    single: bool = False,
+    max_iterations: int,
+    rise: float,
+) -> tuple[Parameters, Array, bool]:
+    """The climb that ends highest, from `start(0)`, `start(1)`, ..."""
+    climbs = (
+        climb_fast_first(start(n), expect, maximise, single=single, max_iterations=max_iterations, rise=rise)
+        for n in range(restarts)
+    )
+    return max(climbs, key=lambda found: float(found[1][-1]))
+
+
+def guessed_gaussians(guess: Any, lessons: Lessons, n_states: int, floor: float) -> tuple[Array, Array]:
+    """Centres and covariances of a model to go on from, in z; ChannelError where it has other states or channels."""
+    if guess.channels != lessons.channels or guess.n_states != n_states:
+        raise ChannelError(
+            f"the model given as initial_guess has {guess.n_states} states of {guess.channels}; "
+            f"asked for {n_states} of {lessons.channels}"
+        )
+    means, covariances = lessons.standardised(guess.means, guess.covariances)
+    return means, floored(covariances, floor)
+
+
+def kept_states(occupancy: Array, time: Array | None, converged: bool, iterations: int, notes: Notes) -> np.ndarray:
+    """States in order of their mean time, those that no frame visits left out and reported.
+
+    occupancy (K,) Σγ over all frames; time (K,) the same times the normalised time, or None where states are in order already.
+    """
+    unvisited = np.flatnonzero(occupancy < UNVISITED)
+    say_unvisited(unvisited, len(occupancy), notes)
+    say_converged(converged, iterations, notes)
+    order = np.arange(len(occupancy))
+    if time is not None:
+        order = np.argsort(time / np.maximum(occupancy, 1e-300), kind="stable")
+    return order[~np.isin(order, unvisited)]
+
+
+def fit_of(model: Model, trace: Array, converged: bool, ground: Coordinates, free_parameters: int) -> Fit[Model]:
+    """The Fit of a model in the channels' units; `trace` is the log-likelihood in z."""
+    trace = trace - ground.log_volume
+    trace.setflags(write=False)
+    return Fit(
+        model=model,
+        log_likelihood=trace,
+        converged=converged,
+        notes=tuple(ground.notes),
+        bic=float(-2.0 * trace[-1] + free_parameters * np.log(ground.n_frames)),
+        n_frames=ground.n_frames,
+    )
 
 
 def weighted_gaussians(z: Array, weights: Array, floor: float, before: tuple[Array, Array]) -> tuple[Array, Array]:

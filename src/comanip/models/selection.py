@@ -11,7 +11,12 @@ import numpy as np
 from ..engine import each
 from ..errors import ParameterError
 from ..interfaces import Array
-from .hmm import fit_hmm, log_likelihood
+from . import hmm, hsmm
+
+MODELS: dict[str, tuple[Callable[..., Any], Callable[..., Array]]] = {
+    "hmm": (hmm.fit_hmm, hmm.log_likelihood),
+    "hsmm": (hsmm.fit_hsmm, hsmm.log_likelihood),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +43,13 @@ def select_states(
     candidates: Iterable[int],
     *,
     channels: Iterable[str],
+    model: str = "hmm",
     criterion: str = "bic",
     folds: int | None = None,
     n_jobs: int = 1,
     **fit_options: Any,
 ) -> Selection:
-    """Learns with each number of states and chooses the best; `fit_options` go to `fit_hmm`.
+    """Learns with each number of states and chooses the best; `fit_options` go to `fit_hmm`, or with model="hsmm" to `fit_hsmm`.
 
     n_jobs  processes; −1 is one a core; inside `comanip.backend("dask", ...)` the whole cluster. The same seed
             gives the same scores whatever their number: each fit draws from a generator of its own, spawned from `rng`
@@ -55,17 +61,19 @@ def select_states(
     tried = tuple(int(k) for k in candidates)
     if not tried:
         raise ParameterError("candidates is empty; try range(2, 9)")
+    if model not in MODELS:
+        raise ParameterError(f"model must be one of {', '.join(MODELS)}; got {model!r}")
     names = tuple(channels)
     folds = len(sequences) if folds is None else folds
     work: list[tuple[Any, ...]]
     if criterion == "bic":
-        work = [(_bic, sequences, k, names) for k in tried]
+        work = [(_bic, sequences, model, k, names) for k in tried]
     elif criterion != "cross-validation":
         raise ParameterError(f"criterion must be 'bic' or 'cross-validation'; got {criterion!r}")
     elif not 2 <= folds <= len(sequences):
         raise ParameterError(f"folds must be from 2 to the {len(sequences)} demonstrations; got {folds}")
     else:
-        work = [(_left_out, (sequences, fold, folds), k, names) for k in tried for fold in range(folds)]
+        work = [(_left_out, (sequences, fold, folds), model, k, names) for k in tried for fold in range(folds)]
     found = np.array(_all(work, n_jobs, fit_options))
     table = found if criterion == "bic" else found.reshape(len(tried), folds).sum(axis=1) / sum(len(x) for x in sequences)
     table.setflags(write=False)
@@ -84,13 +92,16 @@ def _score(score: Callable[..., float], *arguments: Any) -> float:
     return score(*arguments)
 
 
-def _bic(sequences: Sequence[Any], k: int, names: tuple[str, ...], options: dict[str, Any]) -> float:
-    return fit_hmm(sequences, k, channels=names, **options).bic
+def _bic(sequences: Sequence[Any], model: str, k: int, names: tuple[str, ...], options: dict[str, Any]) -> float:
+    return float(MODELS[model][0](sequences, k, channels=names, **options).bic)
 
 
-def _left_out(split: tuple[Sequence[Any], int, int], k: int, names: tuple[str, ...], options: dict[str, Any]) -> float:
+def _left_out(
+    split: tuple[Sequence[Any], int, int], model: str, k: int, names: tuple[str, ...], options: dict[str, Any]
+) -> float:
     """−log-likelihood of the demonstrations of one fold, under a model that has not seen them."""
     sequences, fold, folds = split
     out = [x for s, x in enumerate(sequences) if s % folds == fold]
-    model = fit_hmm([x for s, x in enumerate(sequences) if s % folds != fold], k, channels=names, **options).model
-    return -float(log_likelihood(model, out).sum())
+    fit, log_likelihood = MODELS[model]
+    learned = fit([x for s, x in enumerate(sequences) if s % folds != fold], k, channels=names, **options).model
+    return -float(log_likelihood(learned, out).sum())
