@@ -258,3 +258,38 @@ def test_shapes_that_do_not_fit_are_refused():
         kernels.e_step(np.zeros((9, 2)), groups, p.initial, p.transition, white)
     with pytest.raises(ValueError, match="plan"):
         kernels.e_step(np.zeros((10, 2)), groups._replace(order=groups.order + 1), p.initial, p.transition, white)
+
+
+@pytest.mark.parametrize("level", LEVELS, indirect=True)
+@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("nats", [(712.0, 300.0), (380.0, 300.0), (45.0, 40.0), (5000.0, 900.0)])
+def test_a_path_that_falls_below_float64_and_turns_out_the_best_is_not_lost(level, alone, nats):
+    """Held beside its state for long, then there again: who cannot go back must have been there all the time."""
+    away, back = nats
+    centre, variance, least = 0.5, 1e-3, 20
+    frames = np.concatenate([[centre - variance * away] * least, [centre + variance * back] * 2 * least])[:, None]
+    means, covariances = np.array([[0.0], [1.0]]), np.full((2, 1, 1), variance)
+    model = Hmm(np.full(2, 0.5), np.eye(2), means, covariances, ("a",))
+    given = [frames] if alone else [frames, frames[least:], frames, frames[: least + 3]] * 6
+    found = hmm.log_likelihood(model, given)
+    np.testing.assert_allclose(found, [hmm._log_likelihood(model, x, np.array([len(x)]))[0] for x in given], rtol=1e-9)
+    lessons = Lessons(np.concatenate(given), np.array([len(x) for x in given]), np.zeros(1), np.ones(1), ("a",))
+    check_e_step(Chain(model.initial, model.transition, means, covariances), lessons)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(2, 5), st.integers(1, 3), st.integers(0, 2**31))
+def test_glitches_and_hands_held_beside_their_states(n_states, n_channels, seed):
+    rng = np.random.default_rng(seed)
+    p = chain(rng, n_states, n_channels, left_right=bool(rng.integers(2)))
+    p = p._replace(covariances=p.covariances * 10.0 ** rng.uniform(-4.0, 0.0, (n_states, 1, 1)))
+    model = Hmm(*p, tuple("abc"[:n_channels]))
+    given = []
+    for _ in range(int(rng.integers(1, 20))):
+        x = p.means[np.sort(rng.integers(n_states, size=rng.integers(2, 60)))]
+        for _ in range(int(rng.integers(4))):
+            at = rng.integers(len(x))
+            x[at : at + rng.integers(1, 10)] = p.means[rng.integers(n_states)]
+        given.append(x + 0.05 * rng.normal(size=x.shape))
+    expected = [hmm._log_likelihood(model, x, np.array([len(x)]))[0] for x in given]
+    np.testing.assert_allclose(hmm.log_likelihood(model, given), expected, rtol=1e-9, atol=1e-9)

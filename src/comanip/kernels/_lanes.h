@@ -17,21 +17,27 @@ typedef float NAME(real);
 typedef int32_t NAME(whole);
 #define MANTISSA 23           /* bits of it */
 #define BIAS 127              /* of the exponent behind it */
-#define LEAST_EXPONENT -87.0f /* exp of less is no normal number */
+#define LEAST_DENSITY 2e-35f  /* a little more than its exp */
+#define LEAST_EXPONENT -80.0f /* no density is smaller beside the best: a path may be lost, but not for good, see group */
 #define LEAST_LOG_DENSITY -1e30f
 #define FAINTEST -3e4f        /* below it the rounding of a log-density moves weights by 1 %: the sequence goes to float64 */
 #define LEAST_SCALE 1e-18f    /* half of the digits of the exponent: what was lost under 1e-38 is as far below */
 #define LEAST_SUM 1e-30f
+#define MOST_FUTURE 1e37f
+#define LOST 1e-2f
 #else
 typedef double NAME(real);
 typedef long long NAME(whole);
 #define MANTISSA 52
 #define BIAS 1023
-#define LEAST_EXPONENT -708.0
+#define LEAST_DENSITY 2.2e-300 /* a little more than its exp */
+#define LEAST_EXPONENT -690.0
 #define LEAST_LOG_DENSITY -1e100 /* as in models/gaussian.py */
 #define FAINTEST -INFINITY
 #define LEAST_SCALE 1e-280 /* below it what was lost under 1e-308 could matter: the sequence goes to the logarithmic twin */
 #define LEAST_SUM 1e-300
+#define MOST_FUTURE 1e306
+#define LOST 1e-6 /* what the past may have lost: see group */
 #endif
 #define real NAME(real)
 #define whole NAME(whole)
@@ -177,6 +183,9 @@ FN void NAME(relative)(vec *b, int K, vec *top) {
         for (int t = 0; t < TILES; t++) at[t] = NAME(exp)(NAME(larger)(at[t] - top[t], NAME(all)(LEAST_EXPONENT)));
 }
 
+/* Of the least relative density only a bound is known. Forwards it is none; backwards it counts, so that it is seen if it matters. */
+INLINE vec NAME(told)(vec b) { return (vec)((b > NAME(all)(LEAST_DENSITY)) & (ivec)b); }
+
 /* Sum of logarithms, kept as a product whose exponent is taken off at each step: no log() in the loop. */
 typedef struct { vec mantissa; ivec exponent; double shift[W]; } NAME(LogSum);
 #define LogSum NAME(LogSum)
@@ -275,8 +284,11 @@ INLINE void NAME(product)(vec *out, const int step, const vec *in, const real *m
  *     v_{t+1}(j) = b_j(t+1) beta_{t+1}(j) r_t                    gamma_t(i) = alpha_t(i) beta_t(i)
  *     xi_t(i, j) = alpha_t(i) a_ij v_{t+1}(j)                    log p = log s_T - sum_t log r_t
  * A power of two costs no division and no rounding, its logarithm is a whole number, and it is made beside the next product, not
- * between the two. beta starts as 1 / s_T and is at most 1 / alpha: it cannot overflow where alpha is not 0. Where the past
- * excludes a state, its future is of no interest: beta is 0 there. */
+ * between the two. beta starts as 1 / s_T and is at most 1 / alpha: it cannot overflow where alpha is not 0.
+ *
+ * A path that falls below 1e-308 of the others is lost forwards, though it may turn out the best: a hand that was held beside its
+ * state for long. Backwards it is still there, up to MOST_FUTURE, which no state has that can be left out; so that nothing was
+ * lost that matters is seen at the first frame, where sum_k Pi_k b_k beta_k must come out as 1. Else the twin takes the sequence. */
 FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     const Model *m = job->model;
     const int K = m->K, Ke = m->Ke, step = m->D + 1, all = (1 << W) - 1;
@@ -304,7 +316,8 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     vec *pairs = first + Ke;             /* [Ke][pairs] */
     vec *steps = pairs + (int64_t)Ke * m->pairs; /* [Ke][Ke] */
     vec *products = steps + Ke * Ke;     /* [CHUNK][TILES] */
-    int64_t *row = (int64_t *)(products + TILES * CHUNK);    /* [length][W] */
+    double *kept = (double *)(products + TILES * CHUNK);     /* [slot_size]: the sums before this group */
+    int64_t *row = (int64_t *)(kept + m->slot_size);         /* [length][W] */
     uint16_t *breaks = (uint16_t *)(row + length * W);       /* [length + 1] */
 
     memset(row, 0xff, sizeof(int64_t) * length * W);
@@ -341,8 +354,8 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
         }
         vec even = {0}, odd = {0};
         for (int k = 0; k < Ke; k += 2) {
-            even += alpha[k * TILES] *= b[k * TILES] * r;
-            odd += alpha[(k + 1) * TILES] *= b[(k + 1) * TILES] * r;
+            even += alpha[k * TILES] *= NAME(told)(b[k * TILES]) * r;
+            odd += alpha[(k + 1) * TILES] *= NAME(told)(b[(k + 1) * TILES]) * r;
         }
         vec s = even + odd;
         if (t >= shortest) { /* lanes that have nothing left */
@@ -368,7 +381,8 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
                 }
         exponent -= ((ivec)r >> MANTISSA) - BIAS;
     }
-    if (!job->statistics) return;
+    memcpy(kept, slot, sizeof(double) * m->slot_size);
+backwards:
     if (any_failed) /* without alpha a sequence adds nothing, unless its frames are infinite in float32 */
         for (int l = 0; l < W; l++)
             for (int64_t o = lane[l], t = 0; o < lane[l + 1]; o++)
@@ -377,7 +391,9 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
                         for (int k = 0; k < K; k++) ab[(t - t % TILES) * 2 * Ke + k * TILES + t % TILES][l] = 0.0;
                         for (int d = 0; d < m->D; d++) x[(t - t % TILES) * step + d * TILES + t % TILES][l] = 0.0;
                     }
-
+    any_failed = 0;
+    vec brightest = {0};
+    for (int l = 0; l < W; l++) next[l] = lane[l + 1];
     memset(beta, 0, sizeof(vec) * (2 * Ke + (int64_t)Ke * m->pairs + Ke * Ke)); /* beta, first, pairs, steps */
     for (int64_t t = length - 1; t >= 0; t--) {
         const int64_t tile = t % TILES, b_next = t + 1 - (t + 1) % TILES;
@@ -385,23 +401,36 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
         const vec *b = ab + b_next * 2 * Ke + Ke * TILES + (t + 1) % TILES;
         vec *vt = v + tile, *gamma = weight + tile;
         const ivec over = NAME(mask)(breaks[t + 1]);
-        for (int k = 0; k < Ke; k++) vt[k * TILES] = t + 1 < length ? beta[k] * b[k * TILES] * scale[t] : (vec){0};
-        if (breaks[t + 1])
+        for (int k = 0; k < Ke; k++) {
+            const vec future = t + 1 < length ? beta[k] * b[k * TILES] * scale[t] : (vec){0};
+            brightest = NAME(larger)(brightest, future);
+            vt[k * TILES] = -NAME(larger)(-future, NAME(all)(-MOST_FUTURE));
+        }
+        if (breaks[t + 1]) {
+            brightest = (vec)(~over & (ivec)brightest);
             for (int k = 0; k < Ke; k++) vt[k * TILES] = (vec)(~over & (ivec)vt[k * TILES]);
+        }
         NAME(product)(beta, 1, vt, m->backward, K, Ke);
         if (breaks[t + 1]) {
             vec s = {0};
             for (int k = 0; k < K; k++) s += alpha[k * TILES];
-            for (int k = 0; k < K; k++) beta[k] = SELECT(over, 1.0 / s, beta[k]);
+            s = 1.0 / NAME(larger)(s, NAME(all)(LEAST_SUM));
+            for (int k = 0; k < K; k++) beta[k] = SELECT(over, s, beta[k]);
         }
-        for (int k = 0; k < Ke; k++) {
-            beta[k] = (vec)((alpha[k * TILES] > 0.0) & (ivec)beta[k]);
-            gamma[k * TILES] = alpha[k * TILES] * beta[k];
-        }
+        for (int k = 0; k < Ke; k++) gamma[k * TILES] = alpha[k * TILES] * beta[k];
         if (breaks[t]) {
             const ivec anew = NAME(mask)(breaks[t]);
+            vec whole_past = {0};
+            for (int k = 0; k < K; k++) whole_past += initial[k] * beta[k] * block[(Ke + k) * TILES + tile];
             for (int k = 0; k < Ke; k++) first[k] += (vec)(anew & (ivec)gamma[k * TILES]);
+            for (int l = 0; l < W; l++)
+                if (breaks[t] >> l & 1 && t < ends[l]) {
+                    const int64_t sequence = job->order[--next[l]];
+                    const int kept_all = fabs(whole_past[l] - 1.0) < LOST && brightest[l] < MOST_FUTURE;
+                    if (!job->failed[sequence] && !kept_all) any_failed = job->failed[sequence] = 1;
+                }
         }
+        if (!job->statistics) continue;
         if (job->weights)
             for (int l = 0; l < W; l++)
                 if (row[t * W + l] >= 0)
@@ -415,7 +444,11 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
             NAME(drain)(steps, Ke, K, K, slot + (int64_t)K * m->n_pairs);
         }
     }
-    NAME(add_lanes)(first, 1, K, 1, slot + (int64_t)K * m->n_pairs + K * K);
+    if (any_failed && job->statistics) { /* rare: all once more, without them */
+        memcpy(slot, kept, sizeof(double) * m->slot_size);
+        goto backwards;
+    }
+    if (job->statistics) NAME(add_lanes)(first, 1, K, 1, slot + (int64_t)K * m->n_pairs + K * K);
 }
 
 /* ----------------------------------------------------------------------------------------- one sequence alone */
@@ -470,7 +503,8 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
     vec *tile = x + TILES * (m->D + 1); /* [nv W or Ke][TILES], zero behind the last state */
     vec *pairs = tile + TILES * (nv * W > Ke ? nv * W : Ke); /* [Ke][pairs] */
     vec *products = pairs + (int64_t)Ke * m->pairs;
-    real *scale = (real *)(products + TILES * CHUNK); /* [padded] */
+    double *kept = (double *)(products + TILES * CHUNK); /* [slot_size] */
+    real *scale = (real *)(kept + m->slot_size); /* [padded] */
     int64_t row[TILES * W];
 
     vec top[TILES];
@@ -492,7 +526,7 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
             vec sums = {0}, *at = alpha + t * nv;
             if (t > 0) NAME(across)(at, (real *)(at - nv), forward, K, nv);
             else memcpy(at, m->initial, sizeof(vec) * nv);
-            for (int i = 0; i < nv; i++) sums += at[i] *= b[t * nv + i] * r.number;
+            for (int i = 0; i < nv; i++) sums += at[i] *= NAME(told)(b[t * nv + i]) * r.number;
             exponent -= (r.bits >> MANTISSA) - BIAS;
             s = NAME(sum)(sums);
             if (!(s >= LEAST_SCALE && ((real *)top)[t - t0] >= FAINTEST)) {
@@ -506,9 +540,9 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
     }
     job->failed[sequence] = 0;
     job->log_likelihood[sequence] = log(s) + (double)exponent * M_LN2 + tops;
-    if (!job->statistics) return;
-
     double *transitions = slot + (int64_t)K * m->n_pairs, *first = transitions + K * K;
+    memcpy(kept, slot, sizeof(double) * m->slot_size);
+    vec brightest = {0};
     memset(v, 0, sizeof(vec) * (2 * BLOCK * nv + nv + K * nv));
     memset(pairs, 0, sizeof(vec) * Ke * m->pairs);
     for (int64_t t0 = padded - BLOCK; t0 >= 0; t0 -= BLOCK) {
@@ -517,16 +551,18 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
             const int64_t t = t0 + i;
             vec *vt = v + i * nv, *at = alpha + t * nv;
             if (t + 1 < length) {
-                for (int j = 0; j < nv; j++) vt[j] = beta[j] * b[(t + 1) * nv + j] * scale[t];
+                for (int j = 0; j < nv; j++) {
+                    const vec future = beta[j] * b[(t + 1) * nv + j] * scale[t];
+                    brightest = NAME(larger)(brightest, future);
+                    vt[j] = -NAME(larger)(-future, NAME(all)(-MOST_FUTURE));
+                }
                 NAME(across)(beta, (real *)vt, backward, K, nv);
             } else {
                 for (int j = 0; j < nv; j++) vt[j] = (vec){0}, beta[j] = NAME(all)(1 / s);
             }
-            for (int j = 0; j < nv; j++) {
-                beta[j] = (vec)((at[j] > 0.0) & (ivec)beta[j]);
-                gamma[i * nv + j] = at[j] * beta[j];
-            }
+            for (int j = 0; j < nv; j++) gamma[i * nv + j] = at[j] * beta[j];
         }
+        if (!job->statistics) continue;
         for (int i = n; i < BLOCK; i++)
             for (int j = 0; j < nv; j++) gamma[i * nv + j] = v[i * nv + j] = (vec){0};
         for (int k = 0; k < K; k += 2) /* steps[k] += alpha_t(k) v_{t+1}, two states and two vectors at a time */
@@ -561,7 +597,17 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
             memset(steps, 0, sizeof(vec) * K * nv);
         }
     }
-    for (int k = 0; k < K; k++) first[k] += ((real *)gamma)[k];
+    vec whole_past = {0};
+    for (int j = 0; j < nv; j++) whole_past += ((const vec *)m->initial)[j] * beta[j] * b[j];
+    int kept_all = fabs(NAME(sum)(whole_past) - 1.0) < LOST;
+    for (int l = 0; l < W; l++) kept_all &= brightest[l] < MOST_FUTURE;
+    if (!kept_all) {
+        job->failed[sequence] = 1;
+        memcpy(slot, kept, sizeof(double) * m->slot_size);
+        return;
+    }
+    if (job->statistics)
+        for (int k = 0; k < K; k++) first[k] += ((real *)gamma)[k];
 }
 
 /* A mixture: no dynamics, so every frame is alone with the weights of the states. Group g is frames from g * PIECE on. */
@@ -867,6 +913,9 @@ static const Level NAME(level) = {
 #undef LEAST_EXPONENT
 #undef LEAST_LOG_DENSITY
 #undef FAINTEST
+#undef MOST_FUTURE
+#undef LOST
+#undef LEAST_DENSITY
 #undef LEAST_SCALE
 #undef LEAST_SUM
 #undef FN

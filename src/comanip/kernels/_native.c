@@ -39,6 +39,7 @@ enum { FRESH, HOPELESS_TICKS, RESTARTS, LAST_LOG_LIKELIHOOD, LOG_LIKELIHOOD, STA
 typedef struct {             /* Gaussians and a chain, laid out for the recursions */
     int D, K, Ke, nv;        /* channels, states, states made even, vectors that hold one number a state */
     int n_pairs, pairs;      /* products x_i x_j of (x, 1), and that made even */
+    size_t slot_size;        /* moments, transitions and first of an Hmm */
     double *origin;
     void *factors, *centres, *peak; /* Whitening; factors packed (K, D (D + 1) / 2). All but `origin` in the level's precision */
     void *initial, *log_initial;
@@ -292,6 +293,7 @@ static double *lay_out(const Level *level, Model *m, int D, int K, const double 
     m->D = D, m->K = K, m->Ke = Ke, m->nv = nv;
     m->n_pairs = (D + 1) * (D + 2) / 2;
     m->pairs = m->n_pairs + (m->n_pairs & 1);
+    m->slot_size = ((size_t)K * m->n_pairs + K * K + K + 7) / 8 * 8;
     const size_t size = D + (size_t)K * triangle + K * D + K + 2 * (Kp + 2) + 2 * (size_t)Ke * Ke + 2 * (size_t)K * Kp + 256;
     double *block = aligned(size), *free_from = block;
     if (!block) return NULL;
@@ -358,7 +360,7 @@ static void *work(void *argument) {
 
 static size_t common_space(const Model *m, const Level *level) { /* what does not grow with the length of a sequence */
     const size_t Ke = m->Ke;
-    return level->vector * (Ke * m->pairs + Ke * Ke + 4 * TILES * Ke + 4 * Ke + TILES * CHUNK + TILES * (m->D + 1)) + 64;
+    return level->vector * (Ke * m->pairs + Ke * Ke + 4 * TILES * Ke + 4 * Ke + TILES * CHUNK + TILES * (m->D + 1)) + m->slot_size + 64;
 }
 
 static size_t space_of(const Job *job, int g, const Level *level) {
@@ -466,7 +468,7 @@ static PyObject *e_step(PyObject *self, PyObject *args) {
     }
     Work w = {.job = &job, .level = level, .n_groups = (int)(n_lanes / level->lanes)};
     w.n_slots = w.n_groups < SLOTS ? w.n_groups : SLOTS;
-    w.slot_size = ((size_t)K * model.n_pairs + K * K + K + 7) / 8 * 8;
+    w.slot_size = model.slot_size;
     for (int g = 0; g < w.n_groups; g++) {
         const size_t size = space_of(&job, g, level);
         w.space_size = size > w.space_size ? size : w.space_size;
