@@ -161,7 +161,9 @@ def test_the_person_refills_what_the_robot_may_give():
 
 
 @given(
-    st.lists(st.tuples(st.floats(-0.9, 0.9), st.floats(-20.0, 20.0)), min_size=1, max_size=60),
+    st.lists(
+        st.tuples(st.floats(-0.9, 0.9), st.floats(-14.0, 14.0)), min_size=1, max_size=60
+    ),  # on two axes 20 N in all: not blocked
     st.sampled_from([1, 2]),
 )
 @settings(**EXAMPLES)
