@@ -1,6 +1,6 @@
 """One tick of the whole default skill within its envelope, from Python: how long, and how evenly.
 
-python benchmarks/tick.py [ticks] [picture.png]
+    python benchmarks/tick.py [ticks] [picture.png]
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from comanip import kernels
 from comanip.demonstration import demonstrations
 from comanip.interfaces import Command, Observation, Skill
 from comanip.learned import learn
-from comanip.reproduction import make_skill
+from comanip.reproduction import make_auto, make_skill
 from comanip.teaching import teach
 
 DT = 0.01
@@ -49,7 +49,7 @@ def course(role: str, learned: Any) -> tuple[np.ndarray, np.ndarray]:
     """Positions (T,) and forces (T,) of one lift as another person would do it, there and back, for ever."""
     low, high = learned.workspace[0].mean() - 0.1, learned.workspace[0].mean() + 0.1
     s = 0.5 - 0.5 * np.cos(np.linspace(0.0, 2.0 * np.pi, 600, endpoint=False))
-    sign = 1.0 if role == "follower" else -1.0
+    sign = -1.0 if role == "leader" else 1.0
     return low + (high - low) * s, sign * 3.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, 600, endpoint=False))
 
 
@@ -83,12 +83,19 @@ def ticks(skill: Skill, positions: np.ndarray, forces: np.ndarray, n: int, *, no
 def measure(n: int = 1_000_000) -> dict[str, np.ndarray]:
     found = {}
     noise = 0.05 * np.random.default_rng(0).normal(size=9973)
-    for role in ("follower", "leader"):
-        learned = learn(demonstrations(teach(role, 5, rng=np.random.default_rng(0)), rate_hz=100.0), role=role)
+    taught = {
+        role: learn(demonstrations(teach(role, 5, rng=np.random.default_rng(0)), rate_hz=100.0), role=role)
+        for role in ("follower", "leader", "natural")
+    }
+    for role in ("follower", "leader", "auto"):
+        learned = taught.get(role, taught["follower"])
         positions, forces = course(role, learned)
         for name, envelope, native in CASES:
             with only_numpy(not native):
-                skill = make_skill(learned, axes=learned.axes, dt=DT, role=role, envelope=envelope)
+                if role == "auto":
+                    skill = make_auto(taught, axes=learned.axes, dt=DT, envelope=envelope)
+                else:
+                    skill = make_skill(learned, axes=learned.axes, dt=DT, role=role, envelope=envelope)
             took = 1e6 * ticks(skill, positions, forces, n if envelope and native else max(n // 20, 1), noise=noise)
             if getattr(skill, "mode", "RUN") == "HOLD":
                 raise AssertionError(f"{role}: the envelope held: {getattr(skill, 'reason', '')}; that is no tick to measure")
@@ -115,11 +122,12 @@ def draw(found: dict[str, np.ndarray], path: str) -> None:
     figure, axes = plt.subplots(figsize=(7, 4))
     bins = np.geomspace(1.0, max(float(t.max()) for t in found.values()), 120)
     for name, took in found.items():
-        style, color = "-" if "follower" in name else ":", "tab:red" if "twin" in name else "black"
+        style = {"follower": "-", "leader": ":", "auto": "--"}[name.split(",")[0]]
+        color = "tab:red" if "twin" in name else "black"
         if "envelope" in name:
             axes.hist(took, bins, histtype="step", label=name, linestyle=style, color=color)
     axes.set(xscale="log", yscale="log", xlabel="one tick [µs]", ylabel="ticks")
-    axes.legend()
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
     figure.tight_layout()
     figure.savefig(path, dpi=120)
 
