@@ -165,7 +165,7 @@ def rollouts(start: np.ndarray, force: np.ndarray, source: np.ndarray, initial: 
     matrix = np.zeros((k, columns), dtype=np.float32 if single else np.float64)  # all that the weights are multiplied by
     matrix[:, :k] = chain
     matrix[:, k : k + d * (1 + n_in)] = np.dstack([offsets[:, :, None], gains]).reshape(k, -1)
-    position, velocity = np.empty((n, force.shape[-2], d)), np.empty((n, force.shape[-2], d))
+    position, velocity = np.empty((2, n, force.shape[-2], d))  # together large enough for huge pages
     given = _in_order(start, force, source, initial, *white, matrix)
     native.rollouts(d, force.shape[-1], n, force.shape[-2], *given, gate, dt, position, velocity, n_threads, single)
     return position, velocity
