@@ -335,6 +335,14 @@ def test_C11_a_wall_that_pushes_by_turns_more_and_less_has_not_let_go():
     assert "let go" not in bench.held
 
 
+def test_C12_short_knocks_with_time_between_them_do_not_add_up_to_a_block():
+    bench = moving(0.05, 0.0)
+    for _ in range(6):
+        bench.ticks(2, 0.05, -25.0)
+        bench.ticks(30, 0.05, -5.0)
+    assert bench.envelope.mode == "RUN"
+
+
 def test_C12_an_impact_may_pass_the_force_limit_while_it_gives_way_and_no_longer():
     def hits(peak, lasting):
         bench = moving(0.4, 0.0)
