@@ -1,6 +1,6 @@
 """One tick of the whole default skill within its envelope, from Python: how long, and how evenly.
 
-    python benchmarks/tick.py [ticks] [picture.png]
+python benchmarks/tick.py [ticks] [picture.png]
 """
 
 from __future__ import annotations
