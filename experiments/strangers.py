@@ -25,7 +25,7 @@ STEP_S = 0.001  # a person's force is asked for once a millisecond
 
 
 class Stranger:
-    """Somebody at the other end: `pull(time, height, speed)` [N], with a hand that is never quite still."""
+    """Somebody at the other end, with a hand that is never quite still. This one only carries; those below pull, too."""
 
     def __init__(self, case: Case, rng: np.random.Generator) -> None:
         self.case, self._rng, self._noise = case, rng, 0.0
@@ -39,7 +39,8 @@ class Stranger:
         """Forgets what was felt."""
 
     def pull(self, time: float, height: float, speed: float) -> float:
-        raise NotImplementedError
+        """Upward force beyond the weight he carries [N]; height above the start [m] and speed [m/s] of his end, upward."""
+        return 0.0
 
     def force(self, time: float, position: Array, velocity: Array, out: Array) -> None:
         pull = self.pull(time, float(position[0]) - self._origin, float(velocity[0]))
@@ -296,7 +297,7 @@ def numbers(partners: int, seed: int = 900) -> dict[tuple[str, str, str], list[V
 
 
 def line(role: str, law: str, kind: str, runs: list[Verdict]) -> str:
-    """One row: successes, median effort, median and highest peak of |F|, reasons of failures."""
+    """One row: successes, median effort, highest |F|, reasons of failures."""
     good, why = sum(v.success for v in runs), Counter(reason for v in runs for reason in v.failures)
     effort, peak = np.median([v.effort_n2s for v in runs]), max(v.peak_force_n for v in runs)
     said = ", ".join(f"{reason} {n}" for reason, n in why.items())

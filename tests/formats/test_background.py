@@ -46,6 +46,11 @@ def test_what_was_handed_over_is_stored_when_the_work_is_interrupted(tmp_path):
     assert (tmp_path / "a.mcap").exists()
 
 
+def test_what_could_not_be_stored_is_said_when_the_work_is_interrupted(tmp_path):
+    with pytest.raises(RecordingError, match=r"bad\.mcap"):
+        keep([tmp_path / "absent" / "bad.mcap"], interrupted=True)
+
+
 def test_a_recording_goes_to_another_process_whole():
     again = pickle.loads(pickle.dumps(recording(3)))
     assert again.metadata == {"lesson": 3}

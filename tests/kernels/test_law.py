@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from comanip import kernels
 from comanip.interfaces import Command, Observation
 from comanip.models.hmm import Hmm
+from comanip.skills import roles
 from comanip.skills.collaborate import CollaborativeLaw, CollaborativeSkill, Watch
 from comanip.skills.reference import PhaseReference
 from comanip.skills.roles import RoleEvidence, RolePolicy, RoleSkill
@@ -104,6 +105,18 @@ def test_bit_by_bit(kind, d, seed, rough):
         one.step(obs, a), other.step(obs, b)
         for name in ("position", "velocity", "acceleration"):
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=f"{name}, tick {n}")
+        alike(one, other, n)
+
+
+def test_any_number_of_strengths_makes_a_role(monkeypatch):
+    monkeypatch.setattr(roles, "GAINS", (0.1, 0.2, 0.4, 0.8, 1.6))
+    one, other = pair(KINDS[3], 4, 1)
+    obs, a, b = Observation(1), Command(1), Command(1)
+    obs.position[:] = obs.force[:] = 0.0
+    one.reset(obs), other.reset(obs)
+    for n in range(60):
+        obs.position[0], obs.force[0] = 0.001 * n, 2.0 * np.sin(0.05 * n)
+        one.step(obs, a), other.step(obs, b)
         alike(one, other, n)
 
 

@@ -37,5 +37,7 @@ def writing() -> Iterator[Callable[[Recording, Path], None]]:
         waiting.append((path, other.submit(write, recording, path)))
 
     with ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as other:
-        yield store
-        settle(0)
+        try:
+            yield store
+        finally:  # what could not be stored is said, whatever else went wrong
+            settle(0)

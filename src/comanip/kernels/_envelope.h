@@ -95,7 +95,7 @@ static int follows(const Envelope *e, Ledger *l) {
 /* LetGo.step with `pull` as its newest; `mean` is that of the last ones when there are enough, and then `measured`. */
 static int partner_holds(const Envelope *e, Ledger *l, double speed, const double *pull, double *mean, int *measured) {
     const Limits *limits = &e->limits;
-    const int swing = (int)most(nearbyint(SWING_S / e->limits.dt), 1.0);
+    const int swing = (int)most(nearbyint(SWING_S / limits->dt), 1.0);
     Axes slow;
     const int d = e->d, n = (int)l->n_pulls, full = n == e->most_pulls;
     const double load = length(l->weight, d);
@@ -118,7 +118,9 @@ static int partner_holds(const Envelope *e, Ledger *l, double speed, const doubl
         }
         l->since_s = sqrt(lost) > 0.5 * load ? 0.0 : l->since_s + l->period;
         const int moves = speed > limits->stands, steady = sqrt(changed) < SWING_S / 2.0 * limits->steady_n_s;
-        alone = ((length(mean, d) < limits->alone_n && (moves || steady)) || (length(slow, d) < limits->alone_n && moves)) && (l->for_s > 0.0 || l->since_s < 4.0 * limits->sudden_s);
+        const int sudden = l->for_s > 0.0 || l->since_s < 4.0 * limits->sudden_s;
+        const int nobody = length(mean, d) < limits->alone_n && (moves || steady);
+        alone = sudden && (nobody || (length(slow, d) < limits->alone_n && moves));
     }
     l->for_s = alone ? l->for_s + l->period : 0.0;
     return !(l->for_s > limits->alone_s);

@@ -16,14 +16,14 @@ typedef struct { /* of RolePolicy: roles.SHARED */
 } Policy;
 
 typedef struct { /* RoleEvidence */
-    int n;
+    int n, strengths; /* filters, and how many of them are one role */
     Tick **filters;
     const double *prior, *centre, *spread, *numbers;
     double *p, *probabilities, *until;
     double *seen, *said; /* room for one tick */
 } Bank;
 
-enum { BANK_DT, BANK_CHANGE, BANK_MEMORY, BANK_GATE, STRENGTHS = 4 }; /* roles.GAINS */
+enum { BANK_DT, BANK_CHANGE, BANK_MEMORY, BANK_GATE };
 
 typedef struct {
     int d, rows;
@@ -245,10 +245,10 @@ static void hear(Law *l, const double *x, const double *felt) {
         total += b->p[i];
     }
     for (int i = 0; i <= b->n; i++) b->p[i] /= total;
-    for (int i = 0; i <= b->n; i += STRENGTHS) {
+    for (int i = 0; i <= b->n; i += b->strengths) {
         double role = 0.0;
-        for (int j = i; j < i + STRENGTHS && j <= b->n; j++) role += b->p[j];
-        b->probabilities[i / STRENGTHS] = role;
+        for (int j = i; j < i + b->strengths && j <= b->n; j++) role += b->p[j];
+        b->probabilities[i / b->strengths] = role;
     }
 }
 

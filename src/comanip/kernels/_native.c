@@ -854,8 +854,12 @@ static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch)
     PyObject *filters, *prior, *centre, *spread, *numbers, *p, *probabilities, *until;
     Bank *b = &self->law.bank;
     if (!PyArg_ParseTuple(bank, "OOOOOOOO", &filters, &prior, &centre, &spread, &numbers, &p, &probabilities, &until)) return -1;
-    const Py_ssize_t n = PyTuple_Size(filters);
+    const Py_ssize_t n = PyTuple_Size(filters), n_roles = count_of(probabilities) - 1;
     if (PyErr_Occurred()) return -1;
+    if (n_roles < 1 || n < n_roles || n % n_roles) {
+        PyErr_SetString(PyExc_ValueError, "a bank has as many filters for each role");
+        return -1;
+    }
     for (Py_ssize_t i = 0; i < n; i++) {
         const Filter *one = (Filter *)PyTuple_GetItem(filters, i);
         if (Py_TYPE((PyObject *)one) != filter_type || one->tick.D != width || one->level != watch->level) {
@@ -866,7 +870,7 @@ static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch)
 #define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
     b->prior = TAKE(prior, 0, n + 1), b->centre = TAKE(centre, 0, width), b->spread = TAKE(spread, 0, width);
     b->numbers = TAKE(numbers, 0, BANK_GATE + 1), b->p = TAKE(p, 1, n + 1), b->until = TAKE(until, 1, 1);
-    b->probabilities = TAKE(probabilities, 1, n / STRENGTHS + 1);
+    b->probabilities = TAKE(probabilities, 1, n_roles + 1);
 #undef TAKE
     if (PyErr_Occurred()) return -1;
     self->bank = Py_NewRef(bank);
@@ -878,7 +882,7 @@ static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch)
     }
     b->said = b->seen + width;
     for (Py_ssize_t i = 0; i < n; i++) b->filters[i] = &((Filter *)PyTuple_GetItem(filters, i))->tick;
-    b->n = (int)n;
+    b->n = (int)n, b->strengths = (int)(n / n_roles);
     return 0;
 }
 

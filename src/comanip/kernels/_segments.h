@@ -11,7 +11,8 @@ INLINE vec NAME(from)(const double *at) {
     return v;
 }
 
-/* The E-step of one sequence, alone; the twin is models/segments.py. With c_t the power of two just above or at 1 / s_t, s_t the sum of alpha_t, and f_t(j) = c_{t-1} b_j(t)
+/* The E-step of one sequence, alone; the twin is models/segments.py. With s_t the sum of alpha_t, c_t the power of two just above or
+ * at 1 / s_t, and f_t(j) = c_{t-1} b_j(t)
  *     alpha_t(j, r) = f_t(j) [alpha_{t-1}(j, r + 1) + p_j(r) in_t(j)]    in_t(j) = sum_i alpha_{t-1}(i, 1) a_ij
  *     B_t(j, d) = f_t(j) B_{t+1}(j, d - 1), B_t(j, 1) = f_t(j) on_t(j)   on_t(i) = sum_j a_ij V_{t+1}(j), and behind the end 1 / s_T
  *     V_t(j) = sum_d p_j(d) B_t(j, d)                                    P(enters j at t) = in_t(j) V_t(j)
