@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from comanip import kernels
-from comanip.kernels.plan import plan
+from comanip.kernels.plan import MARGIN, WHOLE, WIDE_MARGIN, plan
 from comanip.models import baum_welch, gmm, hmm
 from comanip.models.baum_welch import Chain
 from comanip.models.chains import log_of
@@ -79,13 +79,60 @@ def test_e_step_for_long_and_for_many_sequences(level, lengths):
 
 
 @settings(max_examples=200, deadline=None, derandomize=True)
-@given(st.lists(st.integers(1, 5000), min_size=1, max_size=60), st.sampled_from([2, 4, 8]))
-def test_a_plan_takes_every_sequence_once(lengths, width):
-    found = plan(np.array(lengths), width)
-    assert sorted(found.order.tolist()) == list(range(len(lengths)))
-    assert found.lanes[-1] == len(lengths)
+@given(st.lists(st.integers(1, 20_000), min_size=1, max_size=60), st.sampled_from([2, 4, 8, 16]), st.integers(0, 2**32))
+def test_a_plan_counts_every_frame_once(lengths, width, seed):
+    margins = np.random.default_rng(seed).choice([MARGIN, WIDE_MARGIN, WHOLE], size=len(lengths))
+    found = plan(np.array(lengths), width, margins)
+    begin, count_from, count_to, end = found.pieces.T
+    starts = np.cumsum([0, *lengths])
+    np.testing.assert_array_equal(np.concatenate([np.arange(a, b) for a, b in zip(count_from, count_to, strict=True)]),
+                                  np.arange(starts[-1]))  # fmt: skip
+    for s, (a, b) in enumerate(zip(found.first[:-1], found.first[1:], strict=True)):
+        assert (begin[a], end[b - 1]) == (starts[s], starts[s + 1])
+        assert (count_from[a + 1 : b] - begin[a + 1 : b] >= np.minimum(margins[s], count_from[a + 1 : b] - starts[s])).all()
+        assert (end[a : b - 1] - count_to[a : b - 1] >= np.minimum(margins[s], starts[s + 1] - count_to[a : b - 1])).all()
+        assert margins[s] != WHOLE or b == a + 1
+    assert sorted(found.order.tolist()) == list(range(len(found.pieces)))
+    assert found.lanes[-1] == len(found.pieces)
     assert (len(found.lanes) - 1) % width == 0
     assert (np.diff(found.lanes) >= 0).all()
+
+
+@pytest.mark.parametrize("lengths", [[9000], [1700] * 3, [6000, 40, 3000]])
+@pytest.mark.parametrize("left_right", [False, True])
+def test_pieces_of_long_sequences_say_what_the_whole_would(level, lengths, left_right):
+    rng = np.random.default_rng(sum(lengths))
+    lessons = lessons_of(rng, lengths, 3)
+    assert (np.diff(lessons.groups.plan.first) > 1).any()
+    check_e_step(chain(rng, 6, 3, left_right), lessons)
+
+
+def remembers(stay):
+    """Two states that look alike but for a glance at the beginning: what comes later says nothing of where it is."""
+    transition = np.array([[stay, 1.0 - stay, 0.0], [1.0 - stay, stay, 0.0], [0.5, 0.5, 0.0]])
+    return Chain(np.array([0.9, 0.1, 0.0]), transition, np.array([[0.0], [1e-3], [40.0]]), np.ones((3, 1, 1)))
+
+
+@pytest.mark.parametrize(("stay", "margin"), [(0.6, MARGIN), (0.95, WIDE_MARGIN), (0.99999, WHOLE)])
+def test_a_chain_that_remembers_is_cut_with_care_or_not_at_all(level, stay, margin):
+    rng = np.random.default_rng(3)
+    lessons = Lessons(rng.normal(size=(9000, 1)), np.array([9000]), np.zeros(1), np.ones(1), ("x",))
+    check_e_step(remembers(stay), lessons)
+    assert lessons.groups._margins.tolist() == [margin]
+    model = Hmm(*remembers(stay), ("x",))
+    np.testing.assert_allclose(hmm.log_likelihood(model, [lessons.z]), hmm._log_likelihood(model, lessons.z, lessons.lengths),
+                               rtol=1e-12)  # fmt: skip
+
+
+def test_where_a_piece_fails_its_sequence_goes_whole_and_then_to_the_twin(level):
+    p = Chain(np.eye(3)[0], np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.0, 0.0, 1.0]]),
+              np.array([[0.0], [50.0], [100.0]]), np.ones((3, 1, 1)))  # fmt: skip
+    bad = np.concatenate([np.repeat([0.0, 50.0, 100.0], 1500), np.zeros(500)])
+    good = np.repeat([0.0, 50.0, 100.0], 1500)
+    lessons = Lessons(np.concatenate([bad, good])[:, None], np.array([5000, 4500]), np.zeros(1), np.ones(1), ("x",))
+    sums = kernels.e_step(lessons.z, lessons.groups, p.initial, p.transition, whitening(p.means, p.covariances).arrays)
+    assert sums.failed.tolist() == [True, False]
+    check_e_step(p, lessons)
 
 
 def test_a_frame_without_explanation_gives_numbers(level):
@@ -115,7 +162,7 @@ def test_where_scaling_leaves_float64_the_twin_takes_the_sequence(level):
     np.testing.assert_allclose(found, hmm._log_likelihood(model, z[:70], np.array([40, 30])), rtol=1e-12)
 
 
-@pytest.mark.parametrize("lengths", [[300] * 40, [2000, 17] + [50] * 30])
+@pytest.mark.parametrize("lengths", [[300] * 40, [2000, 17] + [50] * 30, [20_000]])
 def test_threads_change_no_bit(level, lengths):
     rng = np.random.default_rng(1)
     lessons, p = lessons_of(rng, lengths, 4), chain(rng, 7, 4)
@@ -256,8 +303,12 @@ def test_shapes_that_do_not_fit_are_refused():
         kernels.e_step(np.zeros((10, 2)), groups, p.initial[:2], p.transition, white)
     with pytest.raises(ValueError, match="plan"):
         kernels.e_step(np.zeros((9, 2)), groups, p.initial, p.transition, white)
-    with pytest.raises(ValueError, match="plan"):
-        kernels.e_step(np.zeros((10, 2)), groups._replace(order=groups.order + 1), p.initial, p.transition, white)
+    sound = groups.plan
+    beyond, out_of_order = np.array([0, 0, 1, 1]), np.array([0, 1, 0, 0])
+    for wrong in ({"order": sound.order + 1}, {"pieces": sound.pieces + beyond}, {"pieces": sound.pieces + out_of_order}):
+        groups.plan = sound._replace(**wrong)
+        with pytest.raises(ValueError, match="plan"):
+            kernels.e_step(np.zeros((10, 2)), groups, p.initial, p.transition, white)
 
 
 @pytest.mark.parametrize("level", LEVELS, indirect=True)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .plan import Plan, plan
+from .plan import Seating
 
 ABSENT = "numpy: the compiled kernels are absent (no C compiler when comanip was installed), so all works, 10 to 50 times slower"
 
@@ -53,14 +53,14 @@ class Sums(NamedTuple):
     weights: np.ndarray | None
 
 
-def planned(lengths: np.ndarray, *, single: bool = False) -> Plan:
+def planned(lengths: np.ndarray, *, single: bool = False) -> Seating:
     """Groups for `e_step`, made once for the same sequences; float32 has twice the lanes."""
-    return plan(lengths, native.lanes() * (1 + single))
+    return Seating(lengths, native.lanes() * (1 + single))
 
 
 def e_step(
     frames: np.ndarray,
-    groups: Plan,
+    groups: Seating,
     initial: np.ndarray,
     transition: np.ndarray,
     white: tuple[np.ndarray, ...],
@@ -74,22 +74,27 @@ def e_step(
     Threads share groups of sequences; the sums are added in the same order whatever their number, so the bits are the same.
     `single` computes in float32, in which more sequences fail; the groups must be planned for it.
     """
-    n, d, k, s = len(frames), len(white[0]), len(white[3]), len(groups.starts) - 1
+    n, d, k, s = len(frames), len(white[0]), len(white[3]), len(groups.plan.first) - 1
     out = Sums(
         np.empty((k, d + 1, d + 1)), np.empty((k, k)), np.empty(k), np.empty(s), np.empty(s, dtype=bool),
         np.zeros((n, k)) if weights else None,
     )  # fmt: skip
-    native.e_step(*_in_order(frames, *groups, initial, transition, *white), *out, n_threads, single)
+    _e_step(frames, groups, (initial, transition, *white), out, n_threads, single)
     return out
 
 
-def likelihoods(frames: np.ndarray, groups: Plan, initial: np.ndarray, transition: np.ndarray, white: tuple[np.ndarray, ...],
+def likelihoods(frames: np.ndarray, groups: Seating, initial: np.ndarray, transition: np.ndarray, white: tuple[np.ndarray, ...],
                 *, n_threads: int = 1, single: bool = False) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """log-likelihood (S,) of each sequence, and (S,) whether it failed and is for the twin."""
-    found, failed = np.empty(len(groups.starts) - 1), np.empty(len(groups.starts) - 1, dtype=bool)
-    given = _in_order(frames, *groups, initial, transition, *white)
-    native.e_step(*given, None, None, None, found, failed, None, n_threads, single)
+    found, failed = np.empty(len(groups.plan.first) - 1), np.empty(len(groups.plan.first) - 1, dtype=bool)
+    _e_step(frames, groups, (initial, transition, *white), (None, None, None, found, failed, None), n_threads, single)
     return found, failed
+
+
+def _e_step(frames: np.ndarray, groups: Seating, model: tuple[np.ndarray, ...], out: Any, n_threads: int, single: bool) -> None:
+    """Where pieces of a sequence disagree at a seam, all is done once more, with that sequence cut more carefully."""
+    while native.e_step(*_in_order(frames, *groups.plan, *model), *out, n_threads, single) and groups.mend(out[4]):
+        pass
 
 
 class SegmentSums(NamedTuple):

@@ -277,7 +277,7 @@ INLINE void NAME(product)(vec *out, const int step, const vec *in, const real *m
     for (; j < Ke; j += 2) NAME(columns)(out + j * step, step, in, matrix + j, K, Ke, 2);
 }
 
-/* One group of sequences in W lanes. With a break before frame t the chain starts anew in that lane.
+/* One group of pieces in W lanes. With a break before frame t the chain starts anew in that lane.
  *
  * Scaled recursions: with s_t the sum of alpha_t and r_t the power of two just above or at 1 / s_t
  *     alpha_t(j) = sum_i alpha_{t-1}(i) a_ij  b_j(t) r_{t-1}     beta_t(i) = sum_j a_ij v_{t+1}(j)
@@ -288,17 +288,23 @@ INLINE void NAME(product)(vec *out, const int step, const vec *in, const real *m
  *
  * A path that falls below 1e-308 of the others is lost forwards, though it may turn out the best: a hand that was held beside its
  * state for long. Backwards it is still there, up to MOST_FUTURE, which no state has that can be left out; so that nothing was
- * lost that matters is seen at the first frame, where sum_k Pi_k b_k beta_k must come out as 1. Else the twin takes the sequence. */
+ * lost that matters is seen at the first frame, where sum_k Pi_k b_k beta_k must come out as 1. Else the twin takes the sequence.
+ *
+ * A piece of a sequence starts from anywhere and ends anyhow, in margins that are silent in the sums. What it says at its seams is
+ * kept, so that its neighbours can be asked whether they agree. */
 FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     const Model *m = job->model;
     const int K = m->K, Ke = m->Ke, step = m->D + 1, all = (1 << W) - 1;
     const real *initial = m->initial;
-    const int64_t *lane = job->lanes + (int64_t)g * W, *starts = job->starts;
+    const int64_t *lane = job->lanes + (int64_t)g * W;
     int64_t length = 0, shortest = INT64_MAX, next[W];
     ivec ends;
     for (int l = 0; l < W; l++) {
         int64_t n = 0;
-        for (int64_t o = lane[l]; o < lane[l + 1]; o++) n += starts[job->order[o] + 1] - starts[job->order[o]];
+        for (int64_t o = lane[l]; o < lane[l + 1]; o++) {
+            n += job->pieces[job->order[o]].end - job->pieces[job->order[o]].begin;
+            job->log_likelihood[job->order[o]] = 0.0;
+        }
         ends[l] = (whole)n;
         next[l] = lane[l];
         if (n > length) length = n;
@@ -318,16 +324,23 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     vec *products = steps + Ke * Ke;     /* [CHUNK][TILES] */
     double *kept = (double *)(products + TILES * CHUNK);     /* [slot_size]: the sums before this group */
     int64_t *row = (int64_t *)(kept + m->slot_size);         /* [length][W] */
-    uint16_t *breaks = (uint16_t *)(row + length * W);       /* [length + 1] */
+    uint16_t *breaks = (uint16_t *)(row + length * W);       /* [length + 1] lanes in which a piece begins, or one has ended */
+    uint16_t *seams = breaks + length + 1;                   /* [length + 1] and in which it meets another */
+    uint16_t *silent = seams + length + 1;                   /* [length + 1] and in which a frame does not count */
 
     memset(row, 0xff, sizeof(int64_t) * length * W);
-    memset(breaks, 0, sizeof *breaks * (length + 1));
+    memset(breaks, 0, sizeof *breaks * 3 * (length + 1));
     breaks[0] = breaks[length] = all;
     for (int l = 0; l < W; l++) {
         int64_t t = 0;
         for (int64_t o = lane[l]; o < lane[l + 1]; o++) {
             breaks[t] |= 1 << l;
-            for (int64_t r = starts[job->order[o]]; r < starts[job->order[o] + 1]; r++, t++) row[t * W + l] = r;
+            const Piece *p = &job->pieces[job->order[o]];
+            for (int64_t r = p->begin; r < p->from; r++) silent[t + r - p->begin] |= 1 << l;
+            for (int64_t r = p->to; r < p->end; r++) silent[t + r - p->begin] |= 1 << l;
+            if (p->begin < p->from) seams[t + p->from - p->begin - 1] |= 1 << l;
+            if (p->to < p->end) seams[t + p->to - p->begin - 1] |= 1 << l;
+            for (int64_t r = p->begin; r < p->end; r++, t++) row[t * W + l] = r;
         }
         breaks[t] |= 1 << l;
     }
@@ -335,6 +348,7 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     ivec failed = {0}, exponent = {0};
     int any_failed = 0;
     vec r = NAME(all)(1.0), top[TILES];
+    const vec anywhere = NAME(all)((real)1.0 / K); /* where a piece begins inside its sequence */
     double shift[W] = {0.0};
     memset(v, 0, sizeof(vec) * TILES * Ke); /* serves as alpha before the first frame */
     const vec *before = v;
@@ -348,8 +362,9 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
         }
         NAME(product)(alpha, TILES, before, m->forward, K, Ke);
         if (breaks[t]) {
-            const ivec anew = NAME(mask)(breaks[t]);
-            for (int k = 0; k < K; k++) alpha[k * TILES] = SELECT(anew, NAME(all)(initial[k]), alpha[k * TILES]);
+            const ivec anew = NAME(mask)(breaks[t]), inside = NAME(mask)(breaks[t] & silent[t]);
+            for (int k = 0; k < K; k++)
+                alpha[k * TILES] = SELECT(anew, SELECT(inside, anywhere, NAME(all)(initial[k])), alpha[k * TILES]);
             r = SELECT(anew, NAME(all)(1.0), r);
         }
         vec even = {0}, odd = {0};
@@ -369,12 +384,17 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
         scale[t] = r = (vec)(2 * ONE - ((ivec)s & (2 * ONE + ((whole)1 << MANTISSA))));
         for (int l = 0; l < W; l++) shift[l] += top[t % TILES][l];
         before = alpha;
+        for (int l = 0; l < W && seams[t]; l++)
+            if (seams[t] >> l & 1) {
+                const double so_far = log(s[l]) + (double)exponent[l] * M_LN2 + shift[l];
+                job->log_likelihood[job->order[next[l]]] += silent[t] >> l & 1 ? -so_far : so_far;
+            }
         if (breaks[t + 1])
             for (int l = 0; l < W; l++)
                 if (breaks[t + 1] >> l & 1 && next[l] < lane[l + 1] && t < ends[l]) {
-                    const int64_t sequence = job->order[next[l]++];
-                    job->log_likelihood[sequence] = log(s[l]) + (double)exponent[l] * M_LN2 + shift[l];
-                    any_failed |= job->failed[sequence] = failed[l] != 0;
+                    const int64_t piece = job->order[next[l]++];
+                    if (!(silent[t] >> l & 1)) job->log_likelihood[piece] += log(s[l]) + (double)exponent[l] * M_LN2 + shift[l];
+                    any_failed |= job->failed[piece] = failed[l] != 0;
                     failed[l] = 0;
                     exponent[l] = (((ivec)r)[l] >> MANTISSA) - BIAS; /* so that the next line leaves nothing */
                     shift[l] = 0.0;
@@ -386,7 +406,7 @@ backwards:
     if (any_failed) /* without alpha a sequence adds nothing, unless its frames are infinite in float32 */
         for (int l = 0; l < W; l++)
             for (int64_t o = lane[l], t = 0; o < lane[l + 1]; o++)
-                for (int64_t n = starts[job->order[o] + 1] - starts[job->order[o]]; n > 0; n--, t++)
+                for (int64_t n = job->pieces[job->order[o]].end - job->pieces[job->order[o]].begin; n > 0; n--, t++)
                     if (job->failed[job->order[o]]) {
                         for (int k = 0; k < K; k++) ab[(t - t % TILES) * 2 * Ke + k * TILES + t % TILES][l] = 0.0;
                         for (int d = 0; d < m->D; d++) x[(t - t % TILES) * step + d * TILES + t % TILES][l] = 0.0;
@@ -418,22 +438,35 @@ backwards:
             for (int k = 0; k < K; k++) beta[k] = SELECT(over, s, beta[k]);
         }
         for (int k = 0; k < Ke; k++) gamma[k * TILES] = alpha[k * TILES] * beta[k];
+        for (int l = 0; l < W && seams[t]; l++)
+            if (seams[t] >> l & 1) {
+                double *seam = job->seams + (job->order[next[l] - 1] * 2 + !(silent[t] >> l & 1)) * 2 * K;
+                for (int k = 0; k < K; k++) seam[k] = alpha[k * TILES][l], seam[K + k] = beta[k][l];
+            }
+        if (silent[t] | silent[t + 1]) {
+            const ivec counts = ~NAME(mask)(silent[t]), leads_on = ~NAME(mask)(silent[t + 1]);
+            for (int k = 0; k < Ke; k++) {
+                gamma[k * TILES] = (vec)(counts & (ivec)gamma[k * TILES]);
+                vt[k * TILES] = (vec)(leads_on & (ivec)vt[k * TILES]);
+            }
+        }
         if (breaks[t]) {
-            const ivec anew = NAME(mask)(breaks[t]);
+            const ivec anew = NAME(mask)(breaks[t]), inside = NAME(mask)(breaks[t] & silent[t]);
             vec whole_past = {0};
-            for (int k = 0; k < K; k++) whole_past += initial[k] * beta[k] * block[(Ke + k) * TILES + tile];
+            for (int k = 0; k < K; k++)
+                whole_past += SELECT(inside, anywhere, NAME(all)(initial[k])) * beta[k] * block[(Ke + k) * TILES + tile];
             for (int k = 0; k < Ke; k++) first[k] += (vec)(anew & (ivec)gamma[k * TILES]);
             for (int l = 0; l < W; l++)
                 if (breaks[t] >> l & 1 && t < ends[l]) {
-                    const int64_t sequence = job->order[--next[l]];
+                    const int64_t piece = job->order[--next[l]];
                     const int kept_all = fabs(whole_past[l] - 1.0) < LOST && brightest[l] < MOST_FUTURE;
-                    if (!job->failed[sequence] && !kept_all) any_failed = job->failed[sequence] = 1;
+                    if (!job->failed[piece] && !kept_all) any_failed = job->failed[piece] = 1;
                 }
         }
         if (!job->statistics) continue;
         if (job->weights)
             for (int l = 0; l < W; l++)
-                if (row[t * W + l] >= 0)
+                if (row[t * W + l] >= 0 && !(silent[t] >> l & 1))
                     for (int k = 0; k < K; k++) job->weights[row[t * W + l] * K + k] = gamma[k * TILES][l];
         if (tile == 0) {
             NAME(outer)(steps, Ke, block, Ke, v, Ke);
@@ -486,10 +519,10 @@ INLINE void NAME(rows)(int64_t *row, int64_t from, int64_t to) {
 }
 
 /* The same recursions for one sequence: lanes across frames for densities and moments, across states for alpha and beta. */
-FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slot) {
+FN void NAME(alone)(const Job *job, int64_t piece, double *space, double *slot) {
     const Model *m = job->model;
     const int K = m->K, Ke = m->Ke, nv = m->nv, BLOCK = TILES * W;
-    const int64_t begin = job->starts[sequence], end = job->starts[sequence + 1];
+    const int64_t begin = job->pieces[piece].begin, end = job->pieces[piece].end;
     const int64_t length = end - begin, padded = (length + BLOCK - 1) / BLOCK * BLOCK;
     const vec *forward = (const vec *)m->forward_across, *backward = (const vec *)m->backward_across;
 
@@ -530,7 +563,7 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
             exponent -= (r.bits >> MANTISSA) - BIAS;
             s = NAME(sum)(sums);
             if (!(s >= LEAST_SCALE && ((real *)top)[t - t0] >= FAINTEST)) {
-                job->failed[sequence] = 1;
+                job->failed[piece] = 1;
                 return;
             }
             r.number = s;
@@ -538,8 +571,8 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
             scale[t] = r.number;
         }
     }
-    job->failed[sequence] = 0;
-    job->log_likelihood[sequence] = log(s) + (double)exponent * M_LN2 + tops;
+    job->failed[piece] = 0;
+    job->log_likelihood[piece] = log(s) + (double)exponent * M_LN2 + tops;
     double *transitions = slot + (int64_t)K * m->n_pairs, *first = transitions + K * K;
     memcpy(kept, slot, sizeof(double) * m->slot_size);
     vec brightest = {0};
@@ -602,7 +635,7 @@ FN void NAME(alone)(const Job *job, int64_t sequence, double *space, double *slo
     int kept_all = fabs(NAME(sum)(whole_past) - 1.0) < LOST;
     for (int l = 0; l < W; l++) kept_all &= brightest[l] < MOST_FUTURE;
     if (!kept_all) {
-        job->failed[sequence] = 1;
+        job->failed[piece] = 1;
         memcpy(slot, kept, sizeof(double) * m->slot_size);
         return;
     }

@@ -30,6 +30,8 @@
 #define SLOTS 16              /* partial sums, whatever the number of threads: the same order of additions, the same bits */
 #define MOST_CHANNELS 256
 #define MOST_THREADS 64
+#define SEAM 1e-11            /* how far pieces of a sequence may disagree where they meet, in posterior probability */
+#define SEAM_SINGLE 1e-4
 #define DRAIN 512             /* frames of a lane whose moments are summed before they join the sums in float64 */
 #define UNBELIEVABLE 1e100    /* as in models/filtering.py */
 #define HOPELESS 2.0611536224385579e-09 /* exp(-20), as in models/filtering.py */
@@ -47,15 +49,19 @@ typedef struct {             /* Gaussians and a chain, laid out for the recursio
     void *forward_across, *backward_across; /* [K][nv W] the same for lanes across states */
 } Model;
 
+typedef struct { int64_t begin, from, to, end; } Piece; /* of a sequence: rows that run, and of them those that count */
+
 typedef struct {
     const Model *model;
     const double *frames;
     int64_t n_frames;
-    const int64_t *starts;  /* (S + 1) rows where sequences begin */
-    const int64_t *order;   /* sequences, lane by lane */
+    const int64_t *starts;  /* (S + 1) rows where sequences begin, of an Hsmm and of a decoding */
+    const Piece *pieces;
+    const int64_t *order;   /* pieces, lane by lane */
     const int64_t *lanes;   /* (groups W + 1) where lanes begin in `order` */
-    double *log_likelihood, *weights;
-    unsigned char *failed;
+    double *log_likelihood, *weights; /* of each piece */
+    double *seams;          /* (P, 2, 2, K) alpha and beta of a piece before what counts, and at its last frame that counts */
+    unsigned char *failed;  /* pieces */
     int statistics;
     const double *durations; /* (K, longest) of an Hsmm, else NULL */
     int longest;
@@ -336,6 +342,8 @@ typedef struct {
 
 static void segments_of(const Level *level, const Job *job, int64_t sequence, double *space, double *slot);
 
+static int is_whole(const Piece *p) { return p->begin == p->from && p->to == p->end; }
+
 static void *work(void *argument) {
     Work *w = argument;
     double *space = w->space + w->space_size * atomic_fetch_add(&w->next_space, 1);
@@ -351,7 +359,7 @@ static void *work(void *argument) {
             const int64_t *lane = w->mixture || w->rollouts ? NULL : w->job->lanes + (int64_t)g * lanes;
             if (w->rollouts) w->level->rollouts(w->rollouts, g, space);
             else if (w->mixture) w->level->mixture(w->job, g, space, slot);
-            else if (lane[lanes] - lane[0] == 1) w->level->alone(w->job, w->job->order[lane[0]], space, slot);
+            else if (lane[lanes] - lane[0] == 1 && is_whole(&w->job->pieces[w->job->order[lane[0]]])) w->level->alone(w->job, w->job->order[lane[0]], space, slot);
             else w->level->group(w->job, g, space, slot);
         }
     restore(mode);
@@ -370,7 +378,7 @@ static size_t space_of(const Job *job, int g, const Level *level) {
     int64_t length = 0;
     for (int l = 0; l < lanes; l++) {
         int64_t n = 0;
-        for (int64_t o = lane[l]; o < lane[l + 1]; o++) n += job->starts[job->order[o] + 1] - job->starts[job->order[o]];
+        for (int64_t o = lane[l]; o < lane[l + 1]; o++) n += job->pieces[job->order[o]].end - job->pieces[job->order[o]].begin;
         length = n > length ? n : length;
     }
     if (lane[lanes] - lane[0] == 1) {
@@ -379,7 +387,7 @@ static size_t space_of(const Job *job, int g, const Level *level) {
                level->vector * m->nv * (2 * block + 1 + m->K + TILES * lanes);
     }
     const size_t padded = (length + TILES - 1) / TILES * TILES;
-    return common_space(m, level) + padded * (level->vector * (m->D + 1 + 2 * m->Ke + 1) + lanes) + padded / 4 + 8;
+    return common_space(m, level) + padded * (level->vector * (m->D + 1 + 2 * m->Ke + 1) + lanes) + 3 * (padded / 4 + 8);
 }
 
 /* Runs all groups and leaves the sum of all slots in w->slots; -1 without memory. */
@@ -411,34 +419,67 @@ static void unpack_moments(const Model *m, const double *slots, double *moments)
             for (int j = i; j < n; j++) moments[(k * n + i) * n + j] = moments[(k * n + j) * n + i] = *slots++;
 }
 
-static int plan_is_sound(const int64_t *starts, int64_t S, int64_t N, const int64_t *order, int64_t n_order, const int64_t *lanes,
-                         int64_t n_lanes) {
-    if (starts[0] < 0 || starts[S] > N) return 0;
-    for (int64_t s = 0; s < S; s++)
-        if (starts[s + 1] <= starts[s]) return 0;
+static int plan_is_sound(const Job *job, const int64_t *first, int64_t S, int64_t P, int64_t n_order, int64_t n_lanes) {
+    const int64_t *order = job->order, *lanes = job->lanes;
+    if (first[0] != 0 || first[S] != P) return 0;
+    for (int64_t s = 0; s < S; s++) {
+        if (first[s + 1] <= first[s]) return 0;
+        for (const Piece *p = job->pieces + first[s]; p < job->pieces + first[s + 1]; p++) {
+            const int begins = p == job->pieces + first[s], ends = p + 1 == job->pieces + first[s + 1];
+            if (p->begin < 0 || p->from < p->begin || p->to <= p->from || p->end < p->to || p->end > job->n_frames) return 0;
+            if ((p->begin == p->from) != begins || (p->to == p->end) != ends || (!ends && p[1].from != p->to)) return 0;
+        }
+    }
     for (int64_t o = 0; o < n_order; o++)
-        if (order[o] < 0 || order[o] >= S) return 0;
+        if (order[o] < 0 || order[o] >= P) return 0;
     if (lanes[0] < 0 || lanes[n_lanes] > n_order) return 0;
     for (int64_t l = 0; l < n_lanes; l++)
         if (lanes[l + 1] < lanes[l]) return 0;
     return 1;
 }
 
+/* How far two pieces disagree about the frame before their seam, as posterior probability: the second may have forgotten too little
+ * of what it never saw, the first too little of what comes. NaN where nothing fits. */
+static double gap(const double *seams, int64_t piece, int K) {
+    const double *alpha = seams + (piece * 2 + 1) * 2 * K, *guess = alpha + K, *start = guess + K, *beta = start + K;
+    double of_alpha = 0.0, of_guess = 0.0, of_start = 0.0, apart = 0.0;
+    for (int k = 0; k < K; k++) of_alpha += alpha[k] * beta[k], of_guess += alpha[k] * guess[k], of_start += start[k] * beta[k];
+    for (int k = 0; k < K; k++) {
+        const double gamma = alpha[k] * beta[k] / of_alpha;
+        apart += fabs(start[k] * beta[k] / of_start - gamma) + fabs(alpha[k] * guess[k] / of_guess - gamma);
+    }
+    return apart;
+}
+
+/* What became of the pieces becomes what became of the sequences: whether one failed, or has a seam that is open. */
+static int join(const Job *job, const int64_t *first, int64_t S, double seam, double *log_likelihood, unsigned char *failed) {
+    int any = 0;
+    for (int64_t s = 0; s < S; s++) {
+        log_likelihood[s] = failed[s] = 0;
+        for (int64_t p = first[s]; p < first[s + 1]; p++) {
+            log_likelihood[s] += job->log_likelihood[p];
+            failed[s] |= job->failed[p] || (p + 1 < first[s + 1] && !(gap(job->seams, p, job->model->K) < seam));
+        }
+        any |= failed[s];
+    }
+    return any;
+}
+
 /* ----------------------------------------------------------------------------------------------- Python functions */
 
 static PyObject *e_step(PyObject *self, PyObject *args) {
-    PyObject *frames, *starts, *order, *lanes, *initial, *transition, *origin, *factors, *centres, *peak, *moments, *transitions,
+    PyObject *frames, *first_piece, *pieces, *order, *lanes, *initial, *transition, *origin, *factors, *centres, *peak, *moments, *transitions,
         *first, *log_likelihood, *failed, *weights;
     int n_threads, single;
     (void)self;
-    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOOOOOOii", &frames, &starts, &order, &lanes, &initial, &transition, &origin, &factors,
-                          &centres, &peak, &moments, &transitions, &first, &log_likelihood, &failed, &weights, &n_threads, &single))
+    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOOOOOOOii", &frames, &first_piece, &pieces, &order, &lanes, &initial, &transition, &origin,
+                          &factors, &centres, &peak, &moments, &transitions, &first, &log_likelihood, &failed, &weights, &n_threads, &single))
         return NULL;
     const Level *level = single ? active->single : active;
-    const Py_ssize_t D = count_of(origin), K = count_of(peak), S = count_of(starts) - 1, n_order = count_of(order);
-    const Py_ssize_t n_lanes = count_of(lanes) - 1, N = D > 0 ? count_of(frames) / D : 0;
+    const Py_ssize_t D = count_of(origin), K = count_of(peak), S = count_of(first_piece) - 1, n_order = count_of(order);
+    const Py_ssize_t n_lanes = count_of(lanes) - 1, N = D > 0 ? count_of(frames) / D : 0, P = count_of(pieces) / 4;
     if (PyErr_Occurred()) return NULL;
-    if (D < 1 || K < 1 || S < 1 || n_lanes < level->lanes || n_lanes % level->lanes)
+    if (D < 1 || K < 1 || S < 1 || P < S || n_lanes < level->lanes || n_lanes % level->lanes)
         return PyErr_Format(PyExc_ValueError, "nothing to do, or a plan for other lanes than %d", level->lanes);
     Arrays arrays = {.n = 0};
     PyObject *result = NULL;
@@ -446,19 +487,20 @@ static PyObject *e_step(PyObject *self, PyObject *args) {
     const int statistics = moments != Py_None;
     Job job = {.model = &model, .n_frames = N, .statistics = statistics};
     job.frames = NUMBERS(frames, N * D);
-    job.starts = NUMBERS(starts, S + 1);
+    const int64_t *first_of = NUMBERS(first_piece, S + 1);
+    job.pieces = NUMBERS(pieces, P * 4);
     job.order = NUMBERS(order, n_order);
     job.lanes = NUMBERS(lanes, n_lanes + 1);
     const double *pi = NUMBERS(initial, K), *a = NUMBERS(transition, K * K), *o = NUMBERS(origin, D), *f = NUMBERS(factors, K * D * D);
     const double *c = NUMBERS(centres, K * D), *p = NUMBERS(peak, K);
-    job.log_likelihood = RESULT(log_likelihood, S);
-    job.failed = take(&arrays, failed, 1, S, 1, "failed");
+    double *ll_out = RESULT(log_likelihood, S);
+    unsigned char *failed_out = take(&arrays, failed, 1, S, 1, "failed");
     double *m_out = NULL, *t_out = NULL, *f_out = NULL;
     if (statistics) m_out = RESULT(moments, K * (D + 1) * (D + 1)), t_out = RESULT(transitions, K * K), f_out = RESULT(first, K);
     if (weights != Py_None) job.weights = RESULT(weights, N * K);
-    double *block = NULL;
+    double *block = NULL, *per_piece = NULL;
     if (PyErr_Occurred()) goto done;
-    if (!plan_is_sound(job.starts, S, N, job.order, n_order, job.lanes, n_lanes)) {
+    if (!plan_is_sound(&job, first_of, S, P, n_order, n_lanes)) {
         PyErr_SetString(PyExc_ValueError, "the plan does not fit the sequences");
         goto done;
     }
@@ -466,6 +508,12 @@ static PyObject *e_step(PyObject *self, PyObject *args) {
         PyErr_NoMemory();
         goto done;
     }
+    const size_t seams = P > S ? P * 4 * K : 0;
+    if (!(per_piece = calloc(2 * P + seams, sizeof(double)))) {
+        PyErr_NoMemory();
+        goto done;
+    }
+    job.log_likelihood = per_piece, job.seams = per_piece + P, job.failed = (unsigned char *)(per_piece + P + seams);
     Work w = {.job = &job, .level = level, .n_groups = (int)(n_lanes / level->lanes)};
     w.n_slots = w.n_groups < SLOTS ? w.n_groups : SLOTS;
     w.slot_size = model.slot_size;
@@ -484,10 +532,9 @@ static PyObject *e_step(PyObject *self, PyObject *args) {
         memcpy(f_out, steps + K * K, sizeof(double) * K);
     }
     give_space(w.space);
-    int any = 0;
-    for (Py_ssize_t s = 0; s < S; s++) any |= job.failed[s];
-    result = PyBool_FromLong(any);
+    result = PyBool_FromLong(join(&job, first_of, S, single ? SEAM_SINGLE : SEAM, ll_out, failed_out));
 done:
+    free(per_piece);
     free(block);
     release(&arrays);
     return result;

@@ -78,12 +78,12 @@ class Lessons(Coordinates):
         return len(self.z)
 
     @cached_property
-    def groups(self) -> kernels.Plan:
+    def groups(self) -> kernels.Seating:
         """Which lessons the compiled E-step takes side by side."""
         return kernels.planned(self.lengths)
 
     @cached_property
-    def narrow_groups(self) -> kernels.Plan:
+    def narrow_groups(self) -> kernels.Seating:
         """The same for float32."""
         return kernels.planned(self.lengths, single=True)
 
