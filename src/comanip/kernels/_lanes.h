@@ -4,7 +4,7 @@
  *     SINGLE    where they are float32: then what must be quick with very many frames, and no decoding and nothing on line
  *     NAME(x)   x with the instruction set's name behind it
  *     TARGET    __attribute__((target(...))), or nothing
- *     LARGER    a > b ? a : b of two vectors in one instruction, where no compiler finds it by itself
+ *     LARGER    a > b ? a : b of two vectors in one instruction, where no compiler finds it by itself; and SMALLER
  *
  * A `vec` holds one number for each of W lanes. Where there are many sequences, a lane is a sequence (several, one after another,
  * when they differ in length); where there is one, a lane is a frame for the densities and moments, and a state for the
@@ -17,7 +17,6 @@ typedef float NAME(real);
 typedef int32_t NAME(whole);
 #define MANTISSA 23           /* bits of it */
 #define BIAS 127              /* of the exponent behind it */
-#define LEAST_DENSITY 2e-35f  /* a little more than its exp */
 #define LEAST_EXPONENT -80.0f /* no density is smaller beside the best: a path may be lost, but not for good, see group */
 #define LEAST_LOG_DENSITY -1e30f
 #define FAINTEST -3e4f        /* below it the rounding of a log-density moves weights by 1 %: the sequence goes to float64 */
@@ -30,7 +29,6 @@ typedef double NAME(real);
 typedef long long NAME(whole);
 #define MANTISSA 52
 #define BIAS 1023
-#define LEAST_DENSITY 2.2e-300 /* a little more than its exp */
 #define LEAST_EXPONENT -690.0
 #define LEAST_LOG_DENSITY -1e100 /* as in models/gaussian.py */
 #define FAINTEST -INFINITY
@@ -73,8 +71,10 @@ INLINE vec NAME(all)(real x) { return x - (vec){0}; }
 
 #ifdef LARGER
 INLINE vec NAME(larger)(vec a, vec b) { return LARGER(a, b); }
+INLINE vec NAME(smaller)(vec a, vec b) { return SMALLER(a, b); }
 #else
 INLINE vec NAME(larger)(vec a, vec b) { return SELECT(a > b, a, b); }
+INLINE vec NAME(smaller)(vec a, vec b) { return SELECT(a < b, a, b); }
 #endif
 
 INLINE vec NAME(gather)(const real *from, ptrdiff_t stride) {
@@ -150,13 +150,14 @@ FN void NAME(load)(const Model *m, const double *frames, const int64_t *row, vec
     }
 }
 
-/* log N(x; mu_k, Sigma_k) of a block: out [K][TILES]. The inverse Cholesky factor is a triangle: D^2 / 2 products. */
+/* log N(x; mu_k, Sigma_k) of a block: out [K][TILES]. The inverse Cholesky factor is a triangle: D^2 / 2 products. It and the centre
+ * come times sqrt(1/2), so that z^2 is the exponent itself. */
 FN void NAME(log_density)(const Model *m, const vec *x, vec *out) {
     const int D = m->D;
     const real *factor = m->factors, *centre = m->centres, *peak = m->peak;
     for (int k = 0; k < m->K; k++, out += TILES) {
         vec q[TILES];
-        for (int b = 0; b < TILES; b++) q[b] = (vec){0};
+        for (int b = 0; b < TILES; b++) q[b] = NAME(all)(peak[k]);
         for (int d = 0; d < D; d++) {
             vec z[TILES];
             const vec *xe = x;
@@ -164,12 +165,9 @@ FN void NAME(log_density)(const Model *m, const vec *x, vec *out) {
             centre++;
             for (const real *row_end = factor + d + 1; factor < row_end; factor++, xe += TILES)
                 for (int b = 0; b < TILES; b++) z[b] += *factor * xe[b];
-            for (int b = 0; b < TILES; b++) q[b] += z[b] * z[b];
+            for (int b = 0; b < TILES; b++) q[b] -= z[b] * z[b];
         }
-        for (int b = 0; b < TILES; b++) {
-            const vec value = peak[k] - 0.5 * q[b];
-            out[b] = NAME(larger)(value, NAME(all)(LEAST_LOG_DENSITY));
-        }
+        for (int b = 0; b < TILES; b++) out[b] = NAME(larger)(q[b], NAME(all)(LEAST_LOG_DENSITY));
     }
 }
 
@@ -183,8 +181,9 @@ FN void NAME(relative)(vec *b, int K, vec *top) {
         for (int t = 0; t < TILES; t++) at[t] = NAME(exp)(NAME(larger)(at[t] - top[t], NAME(all)(LEAST_EXPONENT)));
 }
 
-/* Of the least relative density only a bound is known. Forwards it is none; backwards it counts, so that it is seen if it matters. */
-INLINE vec NAME(told)(vec b) { return (vec)((b > NAME(all)(LEAST_DENSITY)) & (ivec)b); }
+/* Of the least relative density only a bound is known. Forwards it is none: this is taken off, of any other nothing (and a last digit
+ * that a compiler rounds otherwise is a denormal). Backwards it counts, so that it is seen if it matters. */
+INLINE vec NAME(untold)(void) { return NAME(exp)(NAME(all)(LEAST_EXPONENT)); }
 
 /* Sum of logarithms, kept as a product whose exponent is taken off at each step: no log() in the loop. */
 typedef struct { vec mantissa; ivec exponent; double shift[W]; } NAME(LogSum);
@@ -348,7 +347,7 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     ivec failed = {0}, exponent = {0};
     int any_failed = 0;
     vec r = NAME(all)(1.0), top[TILES];
-    const vec anywhere = NAME(all)((real)1.0 / K); /* where a piece begins inside its sequence */
+    const vec untold = NAME(untold)(), anywhere = NAME(all)((real)1.0 / K); /* where a piece begins inside its sequence */
     double shift[W] = {0.0};
     memset(v, 0, sizeof(vec) * TILES * Ke); /* serves as alpha before the first frame */
     const vec *before = v;
@@ -369,8 +368,8 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
         }
         vec even = {0}, odd = {0};
         for (int k = 0; k < Ke; k += 2) {
-            even += alpha[k * TILES] *= NAME(told)(b[k * TILES]) * r;
-            odd += alpha[(k + 1) * TILES] *= NAME(told)(b[(k + 1) * TILES]) * r;
+            even += alpha[k * TILES] *= (b[k * TILES] - untold) * r;
+            odd += alpha[(k + 1) * TILES] *= (b[(k + 1) * TILES] - untold) * r;
         }
         vec s = even + odd;
         if (t >= shortest) { /* lanes that have nothing left */
@@ -424,7 +423,7 @@ backwards:
         for (int k = 0; k < Ke; k++) {
             const vec future = t + 1 < length ? beta[k] * b[k * TILES] * scale[t] : (vec){0};
             brightest = NAME(larger)(brightest, future);
-            vt[k * TILES] = -NAME(larger)(-future, NAME(all)(-MOST_FUTURE));
+            vt[k * TILES] = NAME(smaller)(future, NAME(all)(MOST_FUTURE));
         }
         if (breaks[t + 1]) {
             brightest = (vec)(~over & (ivec)brightest);
@@ -545,6 +544,7 @@ FN void NAME(alone)(const Job *job, int64_t piece, double *space, double *slot) 
     real s = 1.0;
     union { real number; whole bits; } r = {1.0};
     int64_t exponent = 0;
+    const vec untold = NAME(untold)();
     memset(tile, 0, (char *)pairs - (char *)tile);
     for (int64_t t0 = 0; t0 < length; t0 += BLOCK) {
         NAME(rows)(row, begin + t0, end);
@@ -559,7 +559,7 @@ FN void NAME(alone)(const Job *job, int64_t piece, double *space, double *slot) 
             vec sums = {0}, *at = alpha + t * nv;
             if (t > 0) NAME(across)(at, (real *)(at - nv), forward, K, nv);
             else memcpy(at, m->initial, sizeof(vec) * nv);
-            for (int i = 0; i < nv; i++) sums += at[i] *= NAME(told)(b[t * nv + i]) * r.number;
+            for (int i = 0; i < nv; i++) sums += at[i] *= (b[t * nv + i] - untold) * r.number;
             exponent -= (r.bits >> MANTISSA) - BIAS;
             s = NAME(sum)(sums);
             if (!(s >= LEAST_SCALE && ((real *)top)[t - t0] >= FAINTEST)) {
@@ -587,7 +587,7 @@ FN void NAME(alone)(const Job *job, int64_t piece, double *space, double *slot) 
                 for (int j = 0; j < nv; j++) {
                     const vec future = beta[j] * b[(t + 1) * nv + j] * scale[t];
                     brightest = NAME(larger)(brightest, future);
-                    vt[j] = -NAME(larger)(-future, NAME(all)(-MOST_FUTURE));
+                    vt[j] = NAME(smaller)(future, NAME(all)(MOST_FUTURE));
                 }
                 NAME(across)(beta, (real *)vt, backward, K, nv);
             } else {
@@ -840,17 +840,26 @@ INLINE void NAME(enter)(vec *block, const double *const *from, int n) {
     }
 }
 
-/* out[j] = sum_k h[k] matrix[k][j] for a block h [K][TILES]: four tiles and two columns at a time keep both multipliers busy. */
+INLINE void NAME(mixed)(vec *out, const vec *h, const real *matrix, int K, ptrdiff_t stride, const int n) {
+    for (int half = 0; half < TILES; half += 4) {
+        vec s[4][4] = {{{0}}};
+        const vec *at = h + half;
+        for (const real *a = matrix, *end = matrix + K * stride; a < end; a += stride, at += TILES)
+            for (int i = 0; i < 4; i++) {
+                vec weight = at[i];
+                HOLD(weight);
+                for (int j = 0; j < n; j++) s[j][i] += a[j] * weight;
+            }
+        for (int j = 0; j < n; j++)
+            for (int i = 0; i < 4; i++) out[j * TILES + half + i] = s[j][i];
+    }
+}
+
+/* out[j] = sum_k h[k] matrix[k][j] for a block h [K][TILES]; an even number of columns. */
 INLINE void NAME(blend)(vec *out, const vec *h, const real *matrix, int K, int columns) {
-    for (int j = 0; j < columns; j += 2, matrix += 2, out += 2 * TILES)
-        for (int half = 0; half < TILES; half += 4) {
-            const vec *at = h + half;
-            const real *a = matrix;
-            vec s[2][4] = {{{0}}};
-            for (int k = 0; k < K; k++, at += TILES, a += columns)
-                for (int i = 0; i < 4; i++) s[0][i] += a[0] * at[i], s[1][i] += a[1] * at[i];
-            for (int i = 0; i < 4; i++) out[half + i] = s[0][i], out[TILES + half + i] = s[1][i];
-        }
+    int j = 0;
+    for (; sizeof(vec) == 64 && j + 4 <= columns; j += 4) NAME(mixed)(out + j * TILES, h, matrix + j, K, columns, 4);
+    for (; j < columns; j += 2) NAME(mixed)(out + j * TILES, h, matrix + j, K, columns, 2);
 }
 
 /* TILES x W roll-outs at once, lanes across them: filter, regression, Euler. The gate keeps a weight from being forgotten and a
@@ -948,7 +957,6 @@ static const Level NAME(level) = {
 #undef FAINTEST
 #undef MOST_FUTURE
 #undef LOST
-#undef LEAST_DENSITY
 #undef LEAST_SCALE
 #undef LEAST_SUM
 #undef FN
@@ -959,6 +967,7 @@ static const Level NAME(level) = {
 #undef UPPER
 #undef LogSum
 #undef LARGER
+#undef SMALLER
 #undef SINGLE
 #undef W
 #undef NAME

@@ -22,6 +22,7 @@
 #define M_LN2 0.693147180559945309417
 #endif
 
+#define ROOT_HALF 0.70710678118654752440
 #define TILES 8               /* vectors in flight: a multiplication takes 4 cycles and 2 start in each */
 #define CHUNK 36              /* products x_i x_j kept at a time: TILES x CHUNK vectors fit in L1; even */
 #define RUN 32                /* steps of a roll-out between visits to its own arrays; a multiple of any number of lanes */
@@ -113,6 +114,15 @@ typedef double Four __attribute__((vector_size(32)));
 typedef float Four32 __attribute__((vector_size(16)));
 typedef float Eight32 __attribute__((vector_size(32)));
 
+/* Keeps a vector in its register: a compiler would load it again for each multiplication that it takes part in. */
+#if defined(__x86_64__)
+#define HOLD(v) __asm__("" : "+v"(v))
+#elif defined(__aarch64__)
+#define HOLD(v) __asm__("" : "+w"(v))
+#else
+#define HOLD(v) (void)(v)
+#endif
+
 #if defined(__x86_64__)
 #include <immintrin.h>
 #define AVX512 __attribute__((target("avx512f,avx512dq,avx512vl,avx512bw,avx2,fma")))
@@ -122,6 +132,7 @@ typedef float Eight32 __attribute__((vector_size(32)));
 #define NAME(x) x##_avx512_single
 #define TARGET AVX512
 #define LARGER(a, b) _mm512_max_ps(a, b)
+#define SMALLER(a, b) _mm512_min_ps(a, b)
 #define LEVEL_NAME "avx512"
 #include "_lanes.h"
 #define SINGLE_LEVEL level_avx512_single
@@ -129,6 +140,7 @@ typedef float Eight32 __attribute__((vector_size(32)));
 #define NAME(x) x##_avx512
 #define TARGET AVX512
 #define LARGER(a, b) _mm512_max_pd(a, b)
+#define SMALLER(a, b) _mm512_min_pd(a, b)
 #define LEVEL_NAME "avx512"
 #include "_lanes.h"
 #undef SINGLE_LEVEL
@@ -137,6 +149,7 @@ typedef float Eight32 __attribute__((vector_size(32)));
 #define NAME(x) x##_avx2_single
 #define TARGET AVX2
 #define LARGER(a, b) _mm256_max_ps(a, b)
+#define SMALLER(a, b) _mm256_min_ps(a, b)
 #define LEVEL_NAME "avx2"
 #include "_lanes.h"
 #define SINGLE_LEVEL level_avx2_single
@@ -144,6 +157,7 @@ typedef float Eight32 __attribute__((vector_size(32)));
 #define NAME(x) x##_avx2
 #define TARGET AVX2
 #define LARGER(a, b) _mm256_max_pd(a, b)
+#define SMALLER(a, b) _mm256_min_pd(a, b)
 #define LEVEL_NAME "avx2"
 #include "_lanes.h"
 #undef SINGLE_LEVEL
@@ -306,17 +320,18 @@ static double *lay_out(const Level *level, Model *m, int D, int K, const double 
     memset(block, 0, size * sizeof(double));
     m->origin = carve(&free_from, D);
     double *packed = m->factors = carve(&free_from, (size_t)K * triangle);
-    m->centres = carve(&free_from, (size_t)K * D);
+    double *scaled_centres = m->centres = carve(&free_from, (size_t)K * D);
     m->peak = carve(&free_from, K);
     double *first = m->initial = carve(&free_from, Kp + 2), *log_first = m->log_initial = carve(&free_from, Kp + 2);
     double *forward = m->forward = carve(&free_from, (size_t)Ke * Ke), *backward = m->backward = carve(&free_from, (size_t)Ke * Ke);
     double *forward_across = m->forward_across = carve(&free_from, (size_t)K * Kp);
     double *backward_across = m->backward_across = carve(&free_from, (size_t)K * Kp);
     memcpy(m->origin, origin, sizeof(double) * D);
-    memcpy(m->centres, centres, sizeof(double) * K * D);
     memcpy(m->peak, peak, sizeof(double) * K);
-    for (int row = 0; row < K * D; row++)
-        for (int e = 0; e <= row % D; e++) *packed++ = factors[(size_t)row * D + e];
+    for (int row = 0; row < K * D; row++) {
+        for (int e = 0; e <= row % D; e++) *packed++ = ROOT_HALF * factors[(size_t)row * D + e];
+        scaled_centres[row] = ROOT_HALF * centres[row];
+    }
     for (int i = 0; i < K; i++) log_first[i] = first[i] = initial[i];
     for (int i = 0; i < K && transition; i++)
         for (int j = 0; j < K; j++) {
