@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from comanip import kernels
+from comanip.errors import ParameterError
 from comanip.kernels.plan import MARGIN, WHOLE, WIDE_MARGIN, plan
 from comanip.models import baum_welch, gmm, hmm
 from comanip.models.baum_welch import Chain
@@ -15,7 +16,7 @@ from comanip.models.gaussian import whitening
 from comanip.models.gmr import Regression
 from comanip.models.hmm import Hmm
 from comanip.models.lessons import Lessons
-from comanip.models.rollout import roll_out
+from comanip.models.rollout import RollOuts, roll_out
 from toys import agree, random_covariances, random_gmm, random_hmm, resident
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
@@ -266,6 +267,25 @@ def test_roll_outs(level, d, f, n, evidence, monkeypatch):
         agree(one, other)
     for one, other in zip(found[2], roll_out(model, start, force[0], dt=0.01, evidence=evidence), strict=True):
         agree(one, other)
+
+
+@pytest.mark.parametrize("native", [True, False])
+def test_roll_outs_write_where_they_are_told(native, monkeypatch):
+    if not native:
+        monkeypatch.setattr(kernels, "native", None)
+    rng = np.random.default_rng(0)
+    p = random_hmm(rng, 3, 3)
+    model = Hmm(p.initial, p.transition, p.means, p.covariances, ("position.z", "force.z", "velocity.z"))
+    start, force = rng.normal(size=(5, 1)), rng.normal(size=(7, 1))
+    fresh, kept = roll_out(model, start, force, dt=0.01), RollOuts(np.full((5, 7, 1), np.nan), np.full((5, 7, 1), np.nan))
+    found = roll_out(model, start, force, dt=0.01, out=kept)
+    assert found.position is kept.position
+    assert found.velocity is kept.velocity
+    for one, other in zip(found, fresh, strict=True):
+        np.testing.assert_array_equal(one, other)
+    for wrong in (np.empty((5, 6, 1)), np.empty((5, 7, 1), dtype=np.float32), np.empty((10, 7, 1))[::2]):
+        with pytest.raises(ParameterError, match=r"out\.velocity must be float64 \(5, 7, 1\), C-contiguous"):
+            roll_out(model, start, force, dt=0.01, out=RollOuts(kept.position, wrong))
 
 
 def test_ten_thousand_calls_leave_no_memory_behind():

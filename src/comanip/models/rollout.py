@@ -40,6 +40,7 @@ def roll_out(
     gate: float = 20.0,
     n_threads: int = 1,
     precision: str = "float64",
+    out: RollOuts | None = None,
 ) -> RollOuts:
     """N roll-outs from start (N, d) [m] under force (T, f) [N], the same for all, or (N, T, f).
 
@@ -50,6 +51,8 @@ def roll_out(
                             from those of "float64", the others, where two states compete, within 1e-4. A channel far from
                             zero for its spread, a gate above 60 or a path that leaves float32 is for float64, as is all
                             without compiled kernels
+    out                     arrays to write into and give back, float64 (N, T, d), C-contiguous: where many calls follow each
+                            other, fresh memory for each costs a tenth of the time
 
     The model's channels are position.*, force.* (or none) and velocity.*. A line of regression goes on for ever, so a start far
     from the lessons may run away: look at the positions.
@@ -66,41 +69,49 @@ def roll_out(
     single = in_float32(precision) and gate <= WIDEST_GATE
     single = single and suits_float32(whitening(model.means, model.covariances), model.means, model.covariances, 0.0)
     x, f = _checked(start, force, len(position), len(forces))
+    paths = _kept(out, (len(x), f.shape[-2], len(position)))
     inputs = position + forces
     weigher = ForwardFilter(model, inputs if evidence is None else evidence, transition_floor=transition_floor, gate=gate)
     source = np.array([(inputs + velocity).index(c) for c in weigher.channels], dtype=np.int64)
     regression = Regression(model, inputs, velocity)
     if kernels.native is None:
         _refuse_infinite(x, f)
-        return RollOuts(*_roll(x, f, dt, weigher, source, regression))
+        return _roll(x, f, dt, weigher, source, regression, paths)
     prepared = source, weigher.initial, weigher.chain, weigher.whitening.arrays, regression.gains, regression.offsets
-    found = RollOuts(*kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, n_threads=n_threads, single=single))
-    if not all(np.isfinite(path[:, -1]).all() for path in found):  # what is not finite stays so: the last step tells
+    kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, out=paths, n_threads=n_threads, single=single)
+    if not all(np.isfinite(path[:, -1]).all() for path in paths):  # what is not finite stays so: the last step tells
         _refuse_infinite(x, f)
         if single:
-            return RollOuts(*kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, n_threads=n_threads))
-    return found
+            kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, out=paths, n_threads=n_threads)
+    return paths
 
 
 def _roll(
-    x: Array, force: Array, dt: float, weigher: ForwardFilter, source: np.ndarray, regression: Regression
-) -> tuple[Array, Array]:
+    x: Array, force: Array, dt: float, weigher: ForwardFilter, source: np.ndarray, regression: Regression, out: RollOuts
+) -> RollOuts:
     """The readable twin: all roll-outs side by side, one step of time after another."""
-    n, d = x.shape
-    length = force.shape[-2]
-    position, velocity = np.empty((n, length, d)), np.empty((n, length, d))
+    n = len(x)
     x, v, predicted = x.copy(), np.zeros_like(x), np.tile(weigher.initial, (n, 1))
-    for t in range(length):
+    for t in range(force.shape[-2]):
         f = np.broadcast_to(force[..., t, :], (n, force.shape[-1]))
         log_b = weigher.whitening.log_density(np.hstack([x, f, v])[:, source])
         lead = np.maximum(log_b - log_b.max(axis=1, keepdims=True), -weigher.gate)
         h = predicted * np.exp(lead)
         h /= np.maximum(h.sum(axis=1, keepdims=True), 1e-300)
         v = np.einsum("nk,nko->no", h, regression.means_per_state(np.hstack([x, f])))
-        position[:, t], velocity[:, t] = x, v
+        out.position[:, t], out.velocity[:, t] = x, v
         x = x + dt * v
         predicted = h @ weigher.chain
-    return position, velocity
+    return out
+
+
+def _kept(out: RollOuts | None, shape: tuple[int, ...]) -> RollOuts:
+    if out is None:
+        return RollOuts(*np.empty((2, *shape)))  # together large enough for huge pages
+    for name, path in zip(RollOuts._fields, out, strict=True):
+        if path.shape != shape or path.dtype != np.float64 or not path.flags.c_contiguous or not path.flags.writeable:
+            raise ParameterError(f"out.{name} must be float64 {shape}, C-contiguous and writeable; got {path.dtype} {path.shape}")
+    return out
 
 
 def _checked(start: Any, force: Any, d: int, n_forces: int) -> tuple[Array, Array]:
