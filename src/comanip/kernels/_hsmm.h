@@ -75,9 +75,10 @@ static PyObject *segments(PyObject *self, PyObject *args) {
         PyErr_NoMemory();
         goto done;
     }
-    Work w = {.job = &job, .level = active, .n_groups = (int)S, .n_slots = S < SLOTS ? (int)S : SLOTS};
+    Work w = {.job = &job, .level = active, .n_groups = (int)S};
     const size_t Kp = (size_t)model.nv * active->lanes, eight = TILES * active->lanes, padded = (longest + eight - 1) / eight * eight;
     w.slot_size = ((size_t)K * model.n_pairs + K * K + K + K * L + 7) / 8 * 8;
+    w.n_slots = slots_for(w.n_groups, w.slot_size);
     w.space_size = common_space(&model, active) + padded * (3 * Kp + 1) + K * (2 * L + 2 * active->lanes + Kp)
                    + eight * Kp + 3 * Kp + K + 16;
     if (run(&w, n_threads) < 0) {

@@ -28,7 +28,9 @@
 #define RUN 32                /* steps of a roll-out between visits to its own arrays; a multiple of any number of lanes */
 #define LINE 8                /* float64 numbers in a cache line */
 #define PIECE 4096            /* frames of a mixture that make one unit of work */
-#define SLOTS 16              /* partial sums, whatever the number of threads: the same order of additions, the same bits */
+#define SLOTS 16              /* partial sums at least, whatever the number of threads: the same order of additions, the same bits */
+#define MOST_SLOTS 128        /* as long as they fit in */
+#define SLOTS_SIZE 65536      /* numbers */
 #define MOST_CHANNELS 256
 #define MOST_THREADS 64
 #define SEAM 1e-11            /* how far pieces of a sequence may disagree where they meet, in posterior probability */
@@ -355,6 +357,12 @@ typedef struct {
     atomic_int next_slot, next_space;
 } Work;
 
+/* Of n_groups: many, so that no thread waits long for the last one. */
+static int slots_for(int n_groups, size_t slot_size) {
+    const size_t room = SLOTS_SIZE / slot_size, n = room < SLOTS ? SLOTS : room > MOST_SLOTS ? MOST_SLOTS : room;
+    return n_groups < (int)n ? n_groups : (int)n;
+}
+
 static void segments_of(const Level *level, const Job *job, int64_t sequence, double *space, double *slot);
 
 static int is_whole(const Piece *p) { return p->begin == p->from && p->to == p->end; }
@@ -530,8 +538,8 @@ static PyObject *e_step(PyObject *self, PyObject *args) {
     }
     job.log_likelihood = per_piece, job.seams = per_piece + P, job.failed = (unsigned char *)(per_piece + P + seams);
     Work w = {.job = &job, .level = level, .n_groups = (int)(n_lanes / level->lanes)};
-    w.n_slots = w.n_groups < SLOTS ? w.n_groups : SLOTS;
     w.slot_size = model.slot_size;
+    w.n_slots = slots_for(w.n_groups, w.slot_size);
     for (int g = 0; g < w.n_groups; g++) {
         const size_t size = space_of(&job, g, level);
         w.space_size = size > w.space_size ? size : w.space_size;
@@ -577,11 +585,11 @@ static PyObject *mixture(PyObject *self, PyObject *args) {
     if (weights != Py_None) job.weights = RESULT(weights, N * K);
     if (PyErr_Occurred()) goto done;
     Work w = {.job = &job, .level = level, .n_groups = (int)((N + PIECE - 1) / PIECE), .mixture = 1};
-    w.n_slots = w.n_groups < SLOTS ? w.n_groups : SLOTS;
     job.log_likelihood = malloc(sizeof(double) * w.n_groups);
     block = lay_out(level, &model, (int)D, (int)K, o, f, c, p, pi, NULL);
     if (job.log_likelihood && block) {
         w.slot_size = ((size_t)K * model.n_pairs + 7) / 8 * 8;
+        w.n_slots = slots_for(w.n_groups, w.slot_size);
         w.space_size = common_space(&model, level);
     }
     if (!job.log_likelihood || !block || run(&w, n_threads) < 0) {
