@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +28,16 @@ from .baum_welch import (
     maximise,
     rows_of_states,
 )
-from .gaussian import channel_names, gaussian_blocks, in_float32, log_density, probabilities, suits_float32, whitening
+from .gaussian import (
+    Whitening,
+    channel_names,
+    gaussian_blocks,
+    in_float32,
+    log_density,
+    probabilities,
+    suits_float32,
+    whitening,
+)
 from .learning import Fit, best_climb, first_guess, fit_of, guessed_gaussians, kept_states
 from .lessons import Coordinates, Lessons, prepare
 
@@ -69,6 +79,11 @@ class Hmm:
     def n_channels(self) -> int:
         return len(self.channels)
 
+    @cached_property
+    def whitening(self) -> Whitening:
+        """What the densities of the states are computed with; made once, as a model never changes."""
+        return whitening(self.means, self.covariances)
+
 
 def frames_of(model: Any, sequence: Any) -> Array:
     """One checked sequence (T, D) in the channels of `model`."""
@@ -98,7 +113,7 @@ def log_likelihood(model: Hmm, sequences: Iterable[Any], *, precision: str = "fl
     frames = np.concatenate(arrays)
     if kernels.native is None or np.isnan(frames).any():
         return _log_likelihood(model, frames, lengths)
-    white = whitening(model.means, model.covariances)
+    white = model.whitening
     single = single and suits_float32(white, model.means, model.covariances)
     groups = kernels.planned(lengths, single=single)
     found, failed = kernels.likelihoods(frames, groups, model.initial, model.transition, white.arrays, single=single)
@@ -128,7 +143,7 @@ def posteriors(model: Hmm, sequence: Any) -> Posteriors:
     """γ_t(i) of one sequence (T, D): uses the future too, so it is for analysis; `ForwardFilter` is for running."""
     frames = frames_of(model, sequence)
     if kernels.native is not None and not np.isnan(frames).any():
-        white = whitening(model.means, model.covariances).arrays
+        white = model.whitening.arrays
         groups = kernels.planned(np.array([len(frames)]))
         sums = kernels.e_step(frames, groups, model.initial, model.transition, white, weights=True)
         if sums.weights is not None and not sums.failed[0]:
@@ -143,7 +158,7 @@ def viterbi(model: Hmm, sequence: Any) -> np.ndarray:
     frames = frames_of(model, sequence)
     log_initial, log_transition = chains.log_of(model.initial), chains.log_of(model.transition)
     if kernels.native is not None and model.n_states <= 256 and not np.isnan(frames).any():
-        return kernels.decode(frames, log_initial, log_transition, whitening(model.means, model.covariances).arrays)
+        return kernels.decode(frames, log_initial, log_transition, model.whitening.arrays)
     return chains.best_path(log_density(frames, model.means, model.covariances), log_initial, log_transition)[0]
 
 

@@ -15,7 +15,7 @@ from .. import kernels
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from .filtering import ForwardFilter
-from .gaussian import in_float32, suits_float32, whitening
+from .gaussian import in_float32, suits_float32
 from .gmr import Regression
 from .hmm import Hmm
 
@@ -67,7 +67,7 @@ def roll_out(
     if not (dt > 0.0 and np.isfinite(dt)):
         raise ParameterError(f"dt is a period above 0 s; got {dt!r}")
     single = in_float32(precision) and gate <= WIDEST_GATE
-    single = single and suits_float32(whitening(model.means, model.covariances), model.means, model.covariances, 0.0)
+    single = single and suits_float32(model.whitening, model.means, model.covariances, 0.0)
     x, f = _checked(start, force, len(position), len(forces))
     paths = _kept(out, (len(x), f.shape[-2], len(position)))
     inputs = position + forces
