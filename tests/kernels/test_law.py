@@ -28,7 +28,7 @@ def reference(rng, d):
     return PhaseReference(shape * rng.uniform(-0.4, 0.4, d), 2.0 * np.sin(np.pi * s) * rng.normal(size=d), 0.01)
 
 
-def make(kind, rng, d, dt=0.01, model_dt=0.01, *, deaf=False):
+def make(kind, rng, d, dt=0.01, model_dt=0.01, *, deaf=False, policy=RolePolicy(start_patience_s=0.6, midway_patience_s=0.4)):
     groups = ("position", "velocity") if deaf else ("position", "force", "velocity")
     axes = tuple("xyzabcde"[:d])
     p = random_hmm(rng, 4, len(groups) * d)
@@ -46,7 +46,7 @@ def make(kind, rng, d, dt=0.01, model_dt=0.01, *, deaf=False):
     return RoleSkill(
         Watch(model, model_dt, dt), table, ends, leading=CollaborativeLaw.for_role("leader"),
         following=CollaborativeLaw.for_role("follower", shake_hz=3.0, max_acceleration_m_per_s2=4.0), axes=axes, dt=dt,
-        leads=kind == KINDS[2], evidence=evidence, policy=RolePolicy(start_patience_s=0.6, midway_patience_s=0.4),
+        leads=kind == KINDS[2], evidence=evidence, policy=policy,
     )  # fmt: skip
 
 
@@ -106,6 +106,24 @@ def test_bit_by_bit(kind, d, seed, rough):
         for name in ("position", "velocity", "acceleration"):
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=f"{name}, tick {n}")
         alike(one, other, n)
+
+
+@pytest.mark.parametrize(
+    ("policy", "gives_way"),
+    [(RolePolicy(insist_n=1e3), True), (RolePolicy(insist_n=1e3, held_s=1e3), False), (RolePolicy(held_s=1e3), True)],
+    ids=["held", "neither counts", "insists"],
+)
+def test_who_holds_a_leader_or_insists_is_counted_alike_and_given_way(policy, gives_way):
+    one, other = pair(KINDS[2], 8, 1, policy=policy)
+    obs, a, b = Observation(1), Command(1), Command(1)
+    obs.position[:] = obs.force[:] = 0.0
+    one.reset(obs), other.reset(obs)
+    for n in range(180):
+        one.step(obs, a), other.step(obs, b)
+        alike(one, other, n)
+        obs.position[0] += 0.01 * a.velocity[0]
+        obs.force[0] = -5000.0 * obs.position[0] - 20.0 * a.velocity[0]
+    assert (one.notice == "follows") == gives_way
 
 
 def test_any_number_of_strengths_makes_a_role(monkeypatch):

@@ -12,7 +12,7 @@ typedef struct { /* CollaborativeLaw, in the order of its fields */
 
 typedef struct { /* of RolePolicy: roles.SHARED */
     double insist_n, insist_ns_per_m, ahead_n, insist_s, held_m_per_s, resting_n, resting_m_per_s, start_patience_s, midway_patience_s,
-        finished_m;
+        finished_m, held_s;
 } Policy;
 
 typedef struct { /* RoleEvidence */
@@ -35,7 +35,8 @@ typedef struct {
     const double *path, *velocity_table, *force_table; /* PhaseReference, (rows, d) each */
     double *compliance, *slow, *shake, *went_on;       /* Compliance.memory */
     double *expected, *wanted, *hold, *clock;          /* Pace.memory; clock: phase, rate, resistance */
-    double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock, *rest_s, *moved; /* of the skill */
+    double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock, *rest_s, *moved,
+        *against_s, *held_s;                           /* of the skill */
     double *until, *seen;                              /* of Watch */
     Tick *filter;
     const Level *level;
@@ -261,8 +262,7 @@ static int attend(Law *l, const double *x, const double *felt) {
     return 1;
 }
 
-/* RoleSkill.step while it leads, means it, and nothing speaks against that: what `_give_way_if_he_insists` would begin to count is
- * left to it. */
+/* RoleSkill.step while it leads and means it; the tick at which it gives way, `_give_way_if_he_insists`, is left to it. */
 static int lead_on(Law *l, const double *x, const double *felt, double *const out[3]) {
     const Policy *than = &l->policy;
     const int d = l->d;
@@ -272,10 +272,12 @@ static int lead_on(Law *l, const double *x, const double *felt, double *const ou
         pull[i] = l->pull[i] + l->pull_share * (force[i] - l->pull[i]);
     }
     const double along = dot(pull, l->wanted, d) / most(length(l->wanted, d), 1e-3), speed = length(l->velocity, d);
-    if (-along > than->insist_n + than->insist_ns_per_m * speed || along > than->ahead_n) return 0;
-    if (l->clock[PHASE] > than->insist_s && speed < than->held_m_per_s && length(pull, d) > than->resting_n) return 0;
-    if (!attend(l, x, felt)) return 0;
+    const int against = -along > than->insist_n + than->insist_ns_per_m * speed || along > than->ahead_n;
+    const int held = l->clock[PHASE] > than->insist_s && speed < than->held_m_per_s && length(pull, d) > than->resting_n;
+    const double against_s = against ? *l->against_s + l->dt : 0.0, held_s = most(*l->held_s + (held ? l->dt : -l->dt), 0.0);
+    if (against_s >= than->insist_s || held_s >= than->held_s || !attend(l, x, felt)) return 0;
     lead_there(l, x, force, out);
+    *l->against_s = against_s, *l->held_s = held_s;
     memcpy(l->pull, pull, sizeof(double) * d);
     memcpy(l->reference, l->wanted, sizeof(double) * d);
     return 1;

@@ -981,7 +981,7 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     l->velocity_table = TAKE(velocity, 0, rows * d);
     l->force_table = TAKE(force, 0, rows * d);
     double *of_compliance = TAKE(compliance, 1, 2 * d + 2), *of_pace = TAKE(pace_memory, 1, 3 * d + 3);
-    double *of_skill = TAKE(memory, 1, 7 * d + 4);
+    double *of_skill = TAKE(memory, 1, 7 * d + 6);
     l->until = TAKE(until, 1, 1);
     l->seen = TAKE(seen, 1, D);
 #undef TAKE
@@ -1003,7 +1003,7 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     };
     for (int i = 0; i < 4; i++) *paces[i] = of_pace + i * d;
     for (int i = 0; i < 8; i++) *skills[i] = of_skill + i * d;
-    l->rest_s = l->shown_clock + 2, l->moved = l->rest_s + 1;
+    l->rest_s = l->shown_clock + 2, l->moved = l->rest_s + 1, l->against_s = l->moved + 1, l->held_s = l->against_s + 1;
     self->filter = Py_NewRef(filter);
     l->filter = &((Filter *)filter)->tick;
     l->level = ((Filter *)filter)->level;

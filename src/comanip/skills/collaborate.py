@@ -241,7 +241,7 @@ class CollaborativeSkill:
         self._pace = Pace(self.reference, self.law, dt)
         self._memory = memory(d)
         self._expected, self._velocity, self._position, self._start, *_ = self._memory[: 7 * d].reshape(7, d)
-        self._phase, self._rate, *_ = self._memory[7 * d :].reshape(4, 1)
+        self._phase, self._rate, *_ = self._memory[7 * d :].reshape(6, 1)
         self._compiled = compiled(self._watch, self._pace, self._compliance, self._memory, dt)
         self._tick: Callable[..., bool] | None = None
 
@@ -320,12 +320,13 @@ class CollaborativeSkill:
 
 
 def memory(n_axes: int) -> Array:
-    """What a skill of this law remembers, as kernels/_law.h shares it: seven vectors and four numbers.
+    """What a skill of this law remembers, as kernels/_law.h shares it: seven vectors and six numbers.
 
     Expected force, commanded velocity, position, start; where roles change reference, pull, bias; then phase and clock rate; and
-    where roles change for how long it has rested [s], and whether anybody has moved.
+    where roles change for how long it has rested [s], whether anybody has moved, and for how long the partner has spoken against
+    being led and has held it [s].
     """
-    return np.zeros(7 * n_axes + 4)
+    return np.zeros(7 * n_axes + 6)
 
 
 def compiled(
@@ -336,7 +337,7 @@ def compiled(
     dt: float,
     *,
     following: CollaborativeLaw | None = None,
-    policy: Sequence[float] = (0.0,) * 10,
+    policy: Sequence[float] = (0.0,) * 11,
     task: Array | None = None,
     pull_s: float = 1.0,
     bias_s: float = 1.0,

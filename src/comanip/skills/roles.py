@@ -31,7 +31,7 @@ BIAS_S = 1.5  # how fast a force at rest, before the first motion, is taken for 
 PULL_S = 0.08  # smoothing of the force that decisions are made on
 SHARED = (  # of RolePolicy, with kernels/_law.h
     "insist_n", "insist_ns_per_m", "ahead_n", "insist_s", "held_m_per_s", "resting_n", "resting_m_per_s", "start_patience_s",
-    "midway_patience_s", "finished_m",
+    "midway_patience_s", "finished_m", "held_s",
 )  # fmt: skip
 GROUPS = ("position", "force", "velocity")
 ABSURD = 1e6  # no robot is so far away, so fast or so strong, in any unit: it counts as missing
@@ -206,7 +206,8 @@ class RoleSkill:
         self._memory = memory(d)
         self._expected, self._velocity, self._position, self._start, *others = self._memory[: 7 * d].reshape(7, d)
         self._reference, self._pull, self._bias = others
-        self._phase, self._rate, self._rest_s, self._moved = self._memory[7 * d :].reshape(4, 1)
+        numbers = self._memory[7 * d :].reshape(6, 1)
+        self._phase, self._rate, self._rest_s, self._moved, self._against_s, self._held_s = numbers
         self._nothing, self._seen, self._blend = np.zeros(d), np.zeros(3 * d), np.zeros(1)
         self._complies_only = False
         self._state = FOLLOWS
@@ -248,7 +249,7 @@ class RoleSkill:
         self._gives, self._answers = False, 0
         self._place: Array | None = None  # where an offer was begun, or answered
         self._gave_way = self._put_back = False
-        self._against_s = self._held_s = self._reached = self._push = 0.0
+        self._reached = self._push = 0.0
         self._outside = outside_taught(self.reference, self._position)
         self._complies_only = self._outside > self._laws[0].reach_m
         if self._complies_only:
@@ -268,8 +269,7 @@ class RoleSkill:
             return None
         lead_on, follow_on = self._compiled.lead_on, self._compiled.follow_on
         if self._state == LEADS:
-            sure = self._meant >= 1.0 and self._blend[0] == 1.0 and self._against_s == self._held_s == 0.0
-            return lead_on if sure else None
+            return lead_on if self._meant >= 1.0 and self._blend[0] == 1.0 else None
         return follow_on if self._state == FOLLOWS and self._blend[0] == 0.0 and self._place is None else None
 
     def _step(self, obs: Observation, command: Command) -> None:
@@ -330,7 +330,7 @@ class RoleSkill:
         unfinished = dot((self._end - x).tolist(), self._way.tolist()) > policy.finished_m
         if self._rest_s[0] >= patience and unfinished and self._answers < offers and not self._he_put_it_back(x):
             self._place = x.copy()
-            self._reached = self._push = self._meant = self._held_s = 0.0
+            self._reached = self._push = self._meant = self._held_s[0] = 0.0
             self._gives = False
             self._begin(PROBES)
 
@@ -369,17 +369,17 @@ class RoleSkill:
         pushed = -along > policy.insist_n + policy.insist_ns_per_m * speed
         under_way = self._pace.phase > policy.insist_s and self._meant >= 1.0
         held = under_way and speed < policy.held_m_per_s and _length(self._pull) > policy.resting_n
-        self._held_s = max(self._held_s + (self._dt if held else -self._dt), 0.0)
-        if self._answered(pushed or along > policy.ahead_n, policy.insist_s) or self._held_s >= policy.held_s:
+        self._held_s[0] = max(self._held_s[0] + (self._dt if held else -self._dt), 0.0)
+        if self._answered(pushed or along > policy.ahead_n, policy.insist_s) or self._held_s[0] >= policy.held_s:
             self._place, self._answers, self._gave_way = None, 0, True
             self._begin(FOLLOWS)
 
     def _answered(self, against: bool, after_s: float) -> bool:
-        self._against_s = self._against_s + self._dt if against else 0.0
-        return self._against_s >= after_s
+        self._against_s[0] = self._against_s[0] + self._dt if against else 0.0
+        return bool(self._against_s[0] >= after_s)
 
     def _begin(self, state: str) -> None:
-        self._state, self._rest_s[0], self._against_s = state, 0.0, 0.0
+        self._state, self._rest_s[0], self._against_s[0] = state, 0.0, 0.0
 
 
 def _length(vector: Array) -> float:
