@@ -159,7 +159,11 @@ def measure(n_ticks: int = 20_000) -> list[dict[str, Any]]:
                     call(xi, x)
                     times[peer].append(time.perf_counter() - before)
         us = {peer: (float(np.median(t)) * 1e6, float(np.quantile(t, 0.999)) * 1e6) for peer, t in times.items()}
-        rows.append({"size": name, "us": us} | ({"pbdlib_agrees": float(agrees["pbdlib"].mean())} if "pbdlib" in agrees else {}))
+        rows.append({"size": name, "us": us})
+        if "pbdlib" in calls:
+            calls["pbdlib"](*(1e6 + a for a in ticks[0]))
+            finite = bool(np.isfinite(calls["pbdlib"](*ticks[0])).all())
+            rows[-1] |= {"pbdlib_agrees": float(agrees["pbdlib"].mean()), "pbdlib_comes_back": finite}
         print(name, {n: (round(a, 2), round(b, 1)) for n, (a, b) in us.items()}, file=sys.stderr)
     return rows
 

@@ -102,12 +102,13 @@ def on_pbdlib(results: dict[str, Any]) -> str:
     if not ticks:
         return "pbdlib is on no package index: `make bench PBDLIB=path` puts a checkout of it into the tables; this run had none."
     whole = 100 * results["rollouts"]["pbdlib_agrees"]
-    return f"""pbdlib is on no package index; this run had a checkout of it (`make bench PBDLIB=path`). EM is one step of `HMM.em`;
+    after = "as before" if all(r["pbdlib_comes_back"] for r in results["online"]) else "NaN from then on"
+    return f"""pbdlib is on no package index; this run had a checkout of it (`make bench PBDLIB=path`). EM: one step of `HMM.em`;
 its likelihood agrees with ours to 1e-8, its transitions do not: they are divided by the occupancy of the state that is entered.
-The tick is `online_forward_message` and `GMM.condition` with those weights, for `HMM.condition` starts anew with each call; it
+The tick: `online_forward_message` and `GMM.condition` with those weights, for `HMM.condition` starts anew with each call; it
 gives a covariance, too. It answers as comanip does to 1e-4 in {100 * min(ticks):.1f} % of the ticks, and after one frame that no
-state explains it answers NaN from then on. The roll-outs are `obs_likelihood` and `GMM.condition`, all roll-outs at once in a
-loop over time; {whole:.1f} % stay within 1e-6 of ours to their end."""
+state explains, {after}. The roll-outs: `obs_likelihood` and `GMM.condition`, all of them at once in a loop over time;
+{whole:.1f} % stay within 1e-6 of ours to their end."""
 
 
 def durations_table(rows: list[dict[str, Any]]) -> str:
