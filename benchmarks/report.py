@@ -77,7 +77,7 @@ def tick_table(rows: list[dict[str, Any]]) -> str:
 def envelope_table(rows: list[dict[str, Any]]) -> str:
     columns = ("role", "ticks", "median", "99 %", "99.9 %", "longest", "numpy twin, median")
     body = [
-        [r["role"], f"{r['ticks']:,}", *[f"{r[q]:.1f}" for q in ("median", "p99", "p999")], f"{r['longest']:,.0f}",
+        [r["role"], f"{r['ticks']:,}", *[f"{r[q]:.2f}" for q in ("median", "p99", "p999")], f"{r['longest']:,.0f}",
          f"{r['twin']:.0f} ({r['twin'] / r['median']:.1f} ×)"]
         for r in rows
     ]  # fmt: skip
@@ -177,13 +177,14 @@ dash: a call would have taken more than 8 s, or it is not measured there. The fl
 
 ![Scaling](scaling.png)
 
-Were comanip's cost a frame to grow with the number of frames, or to leave the dashed line with channels or states, the picture
-would show it.
+What would refute that the cost follows the arithmetic: a line of comanip that rises with N, or that leaves the dashed one as D or
+K grows. Threads have a scale of their own.
 
 ## Explicit durations: one E-step, and one tick of the filter
 
 {durations_table(results["hsmm"])}
-L is how many frames a state may last. No peer: hmmlearn, dynamax, pomegranate and gmr have none.
+L is how many frames a state may last. No peer: hmmlearn, dynamax, pomegranate and gmr have none, and pbdlib counts durations on
+Viterbi's path after the EM of a plain chain.
 
 ## One tick on line from Python, median / 99.9 % in µs
 
@@ -196,22 +197,22 @@ has no filter, so it does less.
 ## The whole tick of a skill within its envelope, µs
 
 {envelope_table(results["tick"])}
-Everything that a robot waits for, called from Python on a machine that does other things, too: the longest is the system's, not
-the skill's. `python benchmarks/tick.py` prints the histograms.
+Everything that a robot waits for, called from Python; what other processes of the machine took meanwhile is in it.
+`python benchmarks/tick.py` prints the histograms.
 
 ## Roll-outs, 1,024 at once, D 7, K 10, million steps a second
 
 {rates_table(results["rollouts"]["rates"])}
 dynamax has no roll-outs: these are its emission distribution and the two steps of its filter in a scan under a vmap, compiled.
-"JAX, hand-written" is our recursion in JAX, the factors prepared as ours are. Everybody's tenth position agrees with ours to 1e-6
-(1e-4 in float32), or the run stops. The peers have no gate; here it moves no roll-out by more than
+"JAX, hand-written" is our recursion in JAX, the factors prepared as ours are. After ten steps both are where ours is to 1e-6
+(1e-4 in float32), or the run stops. dynamax has no gate; here it moves no roll-out by more than
 {results["rollouts"]["gate_m"]:.0e} m.
 
 ## EM over a stream, {results["streaming"]["frames"]:,.0f} frames in Parquet, ns a frame
 
 {streaming_table(results["streaming"])}
-D 7, K 10, {results["streaming"]["megabytes"]:.0f} MB in files of 100,000 frames, one process; the peak of its memory was
-{results["streaming"]["peak_mb"]:.0f} MB, libraries included. `python benchmarks/streaming.py` takes more of them.
+D 7, K 10, {results["streaming"]["megabytes"]:.0f} MB in files of 100,000 frames, one process. Its memory had its peak at
+{results["streaming"]["peak_mb"]:.0f} MB, libraries included. `python benchmarks/streaming.py` takes more files.
 
 ## What a person waits for, s
 

@@ -23,7 +23,7 @@ VARIED: dict[str, tuple[int, ...]] = {
 }
 ALONE = 1_000_000  # frames beyond this are for comanip alone: the others would want more memory or patience
 LONGEST_S = 8.0  # a call that would take longer, by the point before it, is not made
-BUDGET_S = 1.5  # of repeated calls a point
+BUDGET_S = 1.0  # of repeated calls a point
 PEERS: dict[str, Callable[[Problem], Callable[[], float]]] = {
     "comanip": em.comanip,
     "comanip, 2 threads": lambda p: on_all_cores(em.comanip(p, 2)),
@@ -84,16 +84,17 @@ def measure() -> dict[str, list[dict[str, Any]]]:
 
 
 def draw(found: dict[str, list[dict[str, Any]]], path: Any) -> None:
-    """Four panels with one scale for the time, so that heights compare."""
+    """Four panels; the first three have one scale for the time, so that heights compare."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import NullLocator, StrMethodFormatter
 
     usual = {"frames": f"D {D}, K {K}", "channels": f"{N:,} frames, K {K}", "states": f"{N:,} frames, D {D}",
              "threads": f"{N:,} frames, D {D}, K {K}"}  # fmt: skip
     labels = {"frames": "frames N", "channels": "channels D", "states": "states K", "threads": "threads"}
-    figure, axes = plt.subplots(2, 2, figsize=(9.0, 6.4), sharey=True, constrained_layout=True)
+    figure, axes = plt.subplots(2, 2, figsize=(9.0, 6.4), constrained_layout=True)
     for axis, (varied, rows) in zip(axes.flat, found.items(), strict=True):
         for peer, (grey, marker, line) in STYLES.items():
             at = [(r["value"], r["ns"][peer]) for r in rows if peer in r["ns"]]
@@ -102,14 +103,18 @@ def draw(found: dict[str, list[dict[str, Any]]], path: Any) -> None:
                           markerfacecolor="1.0" if "threads" in peer else grey)  # fmt: skip
         axis.plot([r["value"] for r in rows], [r["floor_ns"] for r in rows], color="0.0", linestyle="--", label="dgemm floor",
                   linewidth=1.0)  # fmt: skip
-        axis.set(xscale="log", yscale="log", xlabel=labels[varied])
+        axis.set(xscale="log", yscale="log", xlabel=labels[varied], ylabel="one EM iteration [ns / frame]")
         axis.set_title(usual[varied], fontsize=9)
         axis.grid(color="0.9", linewidth=0.6)
         if varied != "frames":
             axis.set_xticks([r["value"] for r in rows], [str(r["value"]) for r in rows])
-            axis.minorticks_off() if varied == "threads" else axis.xaxis.set_minor_locator(matplotlib.ticker.NullLocator())
-    for axis in axes[:, 0]:
-        axis.set_ylabel("one EM iteration [ns / frame]")
+            axis.xaxis.set_minor_locator(NullLocator())
+    compared = axes.flat[:3]
+    limits = [axis.get_ylim() for axis in compared]
+    for axis in compared:
+        axis.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+    for each in (axes[1, 1].yaxis.set_major_formatter, axes[1, 1].yaxis.set_minor_formatter):
+        each(StrMethodFormatter("{x:.0f}"))
     handles, names = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper center", ncols=5, frameon=False, fontsize=8)
     figure.savefig(path, dpi=150)
