@@ -17,12 +17,13 @@ lint: $(VENV)/.dev
 	$(BIN)/mypy
 
 # The peers live in an environment of their own. pomegranate brings torch; without it the table says absent.
+# pbdlib is on no index: make bench PBDLIB=path takes a checkout of it. PARTS="em rollouts" measures only these again.
 bench: .venv-bench/.ready
-	OPENBLAS_NUM_THREADS=1 .venv-bench/bin/python benchmarks/report.py
+	OPENBLAS_NUM_THREADS=1 PBDLIB="$(abspath $(PBDLIB))" .venv-bench/bin/python benchmarks/report.py $(PARTS)
 
 .venv-bench/.ready: pyproject.toml
 	$(PYTHON) -m venv .venv-bench
-	.venv-bench/bin/python -m pip install --quiet . hmmlearn gmr dynamax matplotlib
+	.venv-bench/bin/python -m pip install --quiet . hmmlearn gmr dynamax matplotlib pyarrow
 	-.venv-bench/bin/python -m pip install --quiet pomegranate torch==2.13.0
 	touch $@
 

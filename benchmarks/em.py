@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import resource
 import sys
 from collections.abc import Callable
@@ -9,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+import checkout
 from comanip.kernels import native
 from comanip.models.baum_welch import Chain, expect, maximise
 from comanip.models.lessons import Lessons
@@ -132,6 +135,20 @@ def pomegranate(p: Problem) -> Callable[[], float]:
     return iterate
 
 
+def pbdlib(p: Problem) -> Callable[[], float]:
+    """One step of its `em`, from a fresh model each time; that it has not converged it would say aloud."""
+    start = p.initial, p.transition, p.means, p.covariances
+    total = -float(np.sum(checkout.model(*start).score(p.sequences)))  # its score has the other sign
+
+    def iterate() -> float:
+        m = checkout.model(*start)
+        with contextlib.redirect_stdout(io.StringIO()):
+            m.em(p.sequences, nb_max_steps=1)
+        return total
+
+    return iterate
+
+
 def measure() -> list[dict[str, Any]]:
     rows = []
     stay_on_one_core()
@@ -149,6 +166,8 @@ def measure() -> list[dict[str, Any]]:
             makers |= {"dynamax": dynamax, "dynamax, float32": lambda p: dynamax(p, single=True)}
         if equal and len(p.frames) < 50_000:
             makers["pomegranate"] = pomegranate
+        if len(p.frames) <= 100_000:
+            makers["pbdlib"] = pbdlib
         work = {}
         for peer, make in makers.items():
             try:

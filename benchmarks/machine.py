@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+CORES = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))  # at the start
+
 
 class Problem(NamedTuple):
     """Sequences stacked (N, D), their lengths, and a start that is neither good nor hopeless."""
@@ -68,13 +70,13 @@ def stay_on_one_core() -> None:
 
 
 def on_all_cores(call: Callable[[], Any]) -> Callable[[], Any]:
-    """The same call, with every core for the threads that it starts."""
+    """The same call, with every core that this process was given for the threads that it starts."""
     if not hasattr(os, "sched_setaffinity"):
         return call
 
     def wrapped() -> Any:
         before = os.sched_getaffinity(0)
-        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+        os.sched_setaffinity(0, CORES)
         try:
             return call()
         finally:
@@ -108,9 +110,9 @@ def described() -> dict[str, str]:
         found = {name.strip(): value.strip() for name, _, value in pairs}
         processor = f"{found.get('model name', processor)}, family {found.get('cpu family', '?')} model {found.get('model', '?')}"
     packages = ("comanip", "numpy", "hmmlearn", "dynamax", "jax", "gmr", "pomegranate", "torch")
-    return {"processor": processor, "system": platform.platform(terse=True), "python": platform.python_version()} | {
-        name: _version(name) for name in packages
-    }
+    about = {"processor": processor, "system": platform.platform(terse=True), "python": platform.python_version()}
+    pbdlib = {"pbdlib": "a checkout" if os.environ.get("PBDLIB") else "absent"}
+    return about | {name: _version(name) for name in packages} | pbdlib
 
 
 def _version(package: str) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+import checkout
 from comanip import kernels
 from comanip.models import hmm
 from comanip.models.filtering import ForwardFilter
@@ -34,8 +35,8 @@ def comanip(m: Hmm, n_in: int) -> Callable[[np.ndarray, np.ndarray], Any]:
     return lambda xi, x: regression.mean(forward.step(xi), x, out)
 
 
-def dynamax(m: Hmm, n_in: int) -> Callable[[np.ndarray, np.ndarray], Any]:
-    """The same tick in JAX, compiled: dynamax itself has no on-line filter."""
+def by_hand(m: Hmm, n_in: int) -> Callable[[np.ndarray, np.ndarray], Any]:
+    """The same tick in JAX, compiled, written as ours is: factors prepared, densities by a triangular solve."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -65,6 +66,47 @@ def dynamax(m: Hmm, n_in: int) -> Callable[[np.ndarray, np.ndarray], Any]:
     return call
 
 
+def dynamax(m: Hmm, n_in: int) -> Callable[[np.ndarray, np.ndarray], Any]:
+    """A tick of dynamax's own parts, compiled into one: its emission distribution, made once, and the two steps of its filter."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    import jax.numpy as jnp
+    from dynamax.hidden_markov_model import GaussianHMM
+    from dynamax.hidden_markov_model.inference import _condition_on, _predict
+
+    initial, chain = jnp.array(m.initial), jnp.array(m.transition)
+    hmm = GaussianHMM(m.n_states, m.n_channels)
+    params, _ = hmm.initialize(
+        initial_probs=initial, transition_matrix=chain, emission_means=jnp.array(m.means),
+        emission_covariances=jnp.array(m.covariances),
+    )  # fmt: skip
+    emission = hmm.emission_distribution(params, jnp.arange(m.n_states))
+    regression = Regression(m, m.channels[:n_in], m.channels[n_in:])
+    gains, offsets = jnp.array(regression.gains), jnp.array(regression.offsets)
+
+    @jax.jit
+    def tick(prior, xi, x):
+        h, _ = _condition_on(prior, emission.log_prob(xi))
+        return _predict(h, chain), jnp.einsum("k,ko->o", h, gains @ x + offsets)
+
+    state = [initial]
+
+    def call(xi, x):
+        state[0], y = tick(state[0], xi, x)
+        return np.asarray(y)
+
+    return call
+
+
+def pbdlib(m: Hmm, n_in: int) -> Callable[[np.ndarray, np.ndarray], Any]:
+    """`online_forward_message`, and `condition` of its mixtures with those weights: its HMM's own starts a message anew."""
+    hmm = checkout.model(m.initial, m.transition, m.means, m.covariances)
+    condition = checkout.package().GMM.condition
+    inputs, outputs = slice(0, n_in), slice(n_in, m.n_channels)
+    return lambda xi, x: condition(hmm, x[None], inputs, outputs, h=hmm.online_forward_message(xi)[:, None])[0]
+
+
 def gmr(m: Hmm, n_in: int) -> Callable[[np.ndarray, np.ndarray], Any]:
     """Its predict: mixture weights instead of a filter, so less work."""
     from gmr import GMM
@@ -82,6 +124,13 @@ def numpy_twin(m: Hmm, n_in: int) -> Callable[[np.ndarray, np.ndarray], Any]:
         kernels.native = native
 
 
+PEERS = {
+    "comanip": comanip, "comanip, numpy twin": numpy_twin, "JAX, hand-written": by_hand, "dynamax": dynamax, "pbdlib": pbdlib,
+    "gmr": gmr,
+}  # fmt: skip
+AGREEING = ("comanip, numpy twin", "JAX, hand-written", "dynamax")
+
+
 def measure(n_ticks: int = 20_000) -> list[dict[str, Any]]:
     rows = []
     for name, (d, f, k) in SIZES.items():
@@ -89,24 +138,32 @@ def measure(n_ticks: int = 20_000) -> list[dict[str, Any]]:
         frames = hmm.sample(m, 2_000, np.random.default_rng(1)).frames
         ticks = [(xi.copy(), xi[:n_in].copy()) for xi in frames]
         calls = {}
-        for peer, make in {"comanip": comanip, "comanip, numpy twin": numpy_twin, "dynamax": dynamax, "gmr": gmr}.items():
+        for peer, make in PEERS.items():
             try:
                 calls[peer] = make(m, n_in)
             except ImportError:
                 print(f"{peer} is absent", file=sys.stderr)
-        answers = {peer: np.ravel(call(*ticks[0])) for peer, call in calls.items()}
-        for peer in ("comanip, numpy twin", "dynamax"):
-            if peer in answers and not np.allclose(answers[peer], answers["comanip"], rtol=1e-4, atol=1e-4):
-                raise AssertionError(f"{peer} answers {answers[peer]}, comanip {answers['comanip']}")
+        answers = {p: np.array([np.ravel(call(*tick)).copy() for tick in ticks]) for p, call in calls.items() if p != "gmr"}
+        agrees = {
+            peer: np.isclose(found, answers["comanip"], rtol=1e-4, atol=1e-4).all(axis=1) for peer, found in answers.items()
+        }
+        for peer in AGREEING:
+            if peer in agrees and not agrees[peer].all():
+                at = int(np.argmin(agrees[peer]))
+                raise AssertionError(f"{peer} answers {answers[peer][at]} at tick {at}, comanip {answers['comanip'][at]}")
         times: dict[str, list[float]] = {peer: [] for peer in calls}
         for start in range(0, n_ticks, len(ticks)):
             for peer, call in calls.items():
-                for xi, x in ticks if peer != "gmr" or start < 2_000 else []:
+                for xi, x in ticks if peer not in ("gmr", "pbdlib") or start < 2_000 else []:
                     before = time.perf_counter()
                     call(xi, x)
                     times[peer].append(time.perf_counter() - before)
         us = {peer: (float(np.median(t)) * 1e6, float(np.quantile(t, 0.999)) * 1e6) for peer, t in times.items()}
         rows.append({"size": name, "us": us})
+        if "pbdlib" in calls:
+            calls["pbdlib"](*(1e6 + a for a in ticks[0]))
+            finite = bool(np.isfinite(calls["pbdlib"](*ticks[0])).all())
+            rows[-1] |= {"pbdlib_agrees": float(agrees["pbdlib"].mean()), "pbdlib_comes_back": finite}
         print(name, {n: (round(a, 2), round(b, 1)) for n, (a, b) in us.items()}, file=sys.stderr)
     return rows
 

@@ -103,6 +103,21 @@ def measure(n: int = 1_000_000) -> dict[str, np.ndarray]:
     return found
 
 
+def summary(n: int = 1_000_000) -> list[dict[str, Any]]:
+    """What `measure` found of a role within its envelope: quantiles [µs], how many ticks, and the median of the twin."""
+    found = measure(n)
+    rows = []
+    for name, took in found.items():
+        if not name.endswith("skill and envelope"):
+            continue
+        p50, p99, p999 = (float(q) for q in np.percentile(took, (50.0, 99.0, 99.9)))
+        twin = float(np.median(found[f"{name}, numpy twin"]))
+        rows.append({"role": name.split(",")[0], "ticks": len(took), "median": p50, "p99": p99, "p999": p999,
+                     "longest": float(took.max()), "twin": twin})  # fmt: skip
+        print({k: v if isinstance(v, str) else round(v, 2) for k, v in rows[-1].items()}, file=sys.stderr)
+    return rows
+
+
 def histogram(took: np.ndarray) -> str:
     """Counts on a logarithmic scale: what matters is the tail."""
     counts, _ = np.histogram(took, EDGES)
