@@ -19,6 +19,7 @@ lint: $(VENV)/.dev
 # The peers live in an environment of their own. pomegranate brings torch; without it the table says absent.
 # pbdlib is on no index: make bench PBDLIB=path takes a checkout of it. PARTS="em rollouts" measures only these again.
 bench: .venv-bench/.ready
+	.venv-bench/bin/python -m pip install --quiet --no-deps .
 	OPENBLAS_NUM_THREADS=1 PBDLIB="$(abspath $(PBDLIB))" .venv-bench/bin/python benchmarks/report.py $(PARTS)
 
 .venv-bench/.ready: pyproject.toml

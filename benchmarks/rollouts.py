@@ -10,7 +10,7 @@ import numpy as np
 import checkout
 from comanip import kernels
 from comanip.models.gmr import Regression
-from comanip.models.rollout import roll_out
+from comanip.models.rollout import RollOuts, roll_out
 from machine import alternated, median, on_all_cores, stay_on_one_core
 from online import model
 
@@ -139,11 +139,16 @@ def measure() -> dict[str, Any]:
         finally:
             kernels.native = native
 
+    def ours(**options: Any) -> Any:
+        out = RollOuts(np.empty((N, T, 2)), np.empty((N, T, 2)))
+        return lambda: roll_out(m, start, force, dt=DT, out=out, **options)
+
     work = {
-        "comanip": lambda: roll_out(m, start, force, dt=DT),
-        "comanip, 2 threads": on_all_cores(lambda: roll_out(m, start, force, dt=DT, n_threads=2)),
-        "comanip, float32": lambda: roll_out(m, start, force, dt=DT, precision="float32"),
-        "comanip, float32, 2 threads": on_all_cores(lambda: roll_out(m, start, force, dt=DT, n_threads=2, precision="float32")),
+        "comanip": ours(),
+        "comanip, 2 threads": on_all_cores(ours(n_threads=2)),
+        "comanip, float32": ours(precision="float32"),
+        "comanip, float32, 2 threads": on_all_cores(ours(precision="float32", n_threads=2)),
+        "comanip, fresh memory each time": lambda: roll_out(m, start, force, dt=DT),
         "comanip, numpy twin": twin,
     }
     peers = {
