@@ -16,11 +16,12 @@ from ..demonstration import Demonstration
 from ..errors import ParameterError, SkillFileError
 from ..learned import LAWS, STATES, LearnedSkill
 from ..learned import learn as learn_skill
-from .console import print_json, progress, stages, table
+from .console import print_json, progress, say_if_slow, stages, table
 from .reading import read_each, read_lessons, read_recordings, reader_of
 
 
 def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, json: bool) -> None:
+    say_if_slow()
     if flags.stream or any(f.suffix == ".parquet" or (f / "data").is_dir() for f in files):
         _learn_stream(files, out, data, flags, json)
         return
@@ -89,6 +90,7 @@ def evaluate(files: Sequence[Path], leave_one_out: bool, data: DataFlags, flags:
         if files and files[0].suffix == ".json":
             raise ParameterError(f"{files[0]}: --leave-one-out learns its own skills; give recordings only")
         lessons = read_lessons(files, data)
+        say_if_slow()
         with progress("learning on the others") as report:
             found = prediction.leave_one_out(lessons, progress=report, **_options(lessons, flags, role=data.role))
         source = "leave-one-out"
