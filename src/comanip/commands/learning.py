@@ -21,7 +21,6 @@ from .reading import read_each, read_lessons, read_recordings, reader_of
 
 
 def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, json: bool) -> None:
-    say_if_slow()
     if flags.stream or any(f.suffix == ".parquet" or (f / "data").is_dir() for f in files):
         _learn_stream(files, out, data, flags, json)
         return
@@ -29,6 +28,7 @@ def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, 
     lessons = read_lessons(files, data)
     read_s = time.perf_counter() - started
     options = _options(lessons, flags, role=data.role)
+    say_if_slow()
     started = time.perf_counter()
     learned = learn_skill(lessons, **options)
     learn_s = time.perf_counter() - started
@@ -63,6 +63,7 @@ def _learn_stream(files: Sequence[Path], out: Path, data: DataFlags, flags: Lear
         raise ParameterError(f"--states {flags.states!r}; give a number")
     paths = files_of(files)
     read, names, dt = reader_of(files, paths, data, with_force=not flags.no_force)
+    say_if_slow()
     started = time.perf_counter()
     with stages() as report:
         learned = learn_stream(
@@ -213,6 +214,7 @@ def _options(lessons: Sequence[Demonstration], flags: LearnFlags, *, role: str |
 def _choose_states(lessons: Sequence[Demonstration], flags: LearnFlags) -> int:
     from ..models.selection import select_states
 
+    say_if_slow()
     groups = ("position", "velocity") if flags.no_force else ("position", "force", "velocity")
     channels = [c for c in lessons[0].channels if c.split(".")[0] in groups]
     chosen = select_states(
