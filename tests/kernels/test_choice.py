@@ -5,9 +5,11 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from comanip import kernels
+from toys import lifts
 
 
 def asked(code, **environment):
@@ -45,3 +47,15 @@ def test_without_a_compiled_module_the_twins_run_and_the_doctor_says_why():
     found = asked(hidden + "from comanip.commands.doctor import doctor; doctor(False)", COMANIP_KERNELS="")
     assert "compiled kernels are absent" in found.stdout
     assert found.stderr == ""
+
+
+def test_without_a_compiled_module_a_command_that_learns_says_so_once(tmp_path):
+    for i, x in enumerate(lifts(2)):
+        table = np.column_stack([np.arange(len(x)) / 100.0, x])
+        np.savetxt(tmp_path / f"{i}.csv", table, delimiter=",", header="time,position.z,force.z,velocity.z", comments="")
+    learn = f"app(['learn', {str(tmp_path / '0.csv')!r}, {str(tmp_path / '1.csv')!r}, '-o', {str(tmp_path / 's.json')!r}])\n"
+    twice = f"from comanip.cli import app\nfor _ in range(2):\n    try: {learn}    except SystemExit: pass\n"
+    found = asked("import sys; sys.modules['comanip.kernels._native'] = None\n" + twice, COMANIP_KERNELS="")
+    assert found.stdout.count("learned from 2 recordings") == 2
+    assert found.stderr == f"note: {kernels.ABSENT.removeprefix('numpy: ')}\n"
+    assert asked(twice, COMANIP_KERNELS="numpy").stderr == ""

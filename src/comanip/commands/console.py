@@ -7,9 +7,12 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 import numpy as np
+
+from .. import kernels
 
 
 def plain(value: Any) -> Any:
@@ -31,6 +34,13 @@ def plain(value: Any) -> Any:
 
 def print_json(value: Any) -> None:
     print(_json.dumps(plain(value), indent=1, ensure_ascii=False))
+
+
+@cache
+def say_if_slow() -> None:
+    """Before learning, once: that nothing was compiled, for who wonders why it takes so long. Silent when numpy was asked for."""
+    if kernels.description == kernels.ABSENT:
+        print(f"note: {kernels.ABSENT.removeprefix('numpy: ')}", file=sys.stderr)
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], *, footer: Sequence[Any] | None = None) -> None:

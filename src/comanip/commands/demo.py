@@ -17,7 +17,7 @@ from ..reproduction import make_skill
 from ..teaching import ROLES
 from ..teaching import teach as record_lessons
 from ..trials import Case, Verdict, draw_case, judge, run_case, run_cases
-from .console import print_json, progress
+from .console import print_json, progress, say_if_slow
 from .running import LESSON_RATE_HZ, best_plant
 from .trying import summary
 
@@ -30,6 +30,7 @@ def demo(out: Path, seed: int, plant: str | None, json: bool) -> None:
     from ..evaluation import figures
     from ..web import report
 
+    say_if_slow()
     started = time.perf_counter()
     plant = plant or best_plant()
     streams = np.random.SeedSequence(seed).spawn(5)

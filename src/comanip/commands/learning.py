@@ -16,7 +16,7 @@ from ..demonstration import Demonstration
 from ..errors import ParameterError, SkillFileError
 from ..learned import LAWS, STATES, LearnedSkill
 from ..learned import learn as learn_skill
-from .console import print_json, progress, stages, table
+from .console import print_json, progress, say_if_slow, stages, table
 from .reading import read_each, read_lessons, read_recordings, reader_of
 
 
@@ -28,6 +28,7 @@ def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, 
     lessons = read_lessons(files, data)
     read_s = time.perf_counter() - started
     options = _options(lessons, flags, role=data.role)
+    say_if_slow()
     started = time.perf_counter()
     learned = learn_skill(lessons, **options)
     learn_s = time.perf_counter() - started
@@ -62,6 +63,7 @@ def _learn_stream(files: Sequence[Path], out: Path, data: DataFlags, flags: Lear
         raise ParameterError(f"--states {flags.states!r}; give a number")
     paths = files_of(files)
     read, names, dt = reader_of(files, paths, data, with_force=not flags.no_force)
+    say_if_slow()
     started = time.perf_counter()
     with stages() as report:
         learned = learn_stream(
@@ -89,6 +91,7 @@ def evaluate(files: Sequence[Path], leave_one_out: bool, data: DataFlags, flags:
         if files and files[0].suffix == ".json":
             raise ParameterError(f"{files[0]}: --leave-one-out learns its own skills; give recordings only")
         lessons = read_lessons(files, data)
+        say_if_slow()
         with progress("learning on the others") as report:
             found = prediction.leave_one_out(lessons, progress=report, **_options(lessons, flags, role=data.role))
         source = "leave-one-out"
@@ -211,6 +214,7 @@ def _options(lessons: Sequence[Demonstration], flags: LearnFlags, *, role: str |
 def _choose_states(lessons: Sequence[Demonstration], flags: LearnFlags) -> int:
     from ..models.selection import select_states
 
+    say_if_slow()
     groups = ("position", "velocity") if flags.no_force else ("position", "force", "velocity")
     channels = [c for c in lessons[0].channels if c.split(".")[0] in groups]
     chosen = select_states(

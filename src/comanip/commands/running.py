@@ -30,7 +30,7 @@ from ..reproduction import make_auto, make_skill
 from ..teaching import DYADS, PHANTOM, Coupling
 from ..teaching import teach as record_lessons
 from ..trials import draw_case, judge, run_case
-from .console import print_json, progress, table
+from .console import print_json, progress, say_if_slow, table
 from .reading import read_lessons
 
 LESSON_RATE_HZ = 100.0
@@ -89,6 +89,7 @@ def teach(
 
 def taught(role: str, seed: int, lessons: int = 5) -> LearnedSkill:
     """A skill from fresh simulated lessons: what `trial` and `demo` use when no file is given."""
+    say_if_slow()
     recordings = record_lessons(role, lessons, rng=np.random.default_rng(seed))
     return learn_skill(demonstrations(recordings, rate_hz=LESSON_RATE_HZ), role=role)
 

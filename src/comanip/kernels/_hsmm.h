@@ -27,7 +27,7 @@ typedef struct {             /* DurationFilter; every array belongs to Python bu
 #if defined(__x86_64__)
 #define AT_LEVEL(level, name) ((level) == &level_avx512 ? name##_avx512 : (level) == &level_avx2 ? name##_avx2 : name##_plain)
 #else
-#define AT_LEVEL(level, name) name##_plain
+#define AT_LEVEL(level, name) ((void)(level), name##_plain)
 #endif
 
 static void segments_of(const Level *level, const Job *job, int64_t sequence, double *space, double *slot) {
