@@ -160,8 +160,8 @@ def decode(frames: np.ndarray, log_initial: np.ndarray, log_transition: np.ndarr
 
 def rollouts(start: np.ndarray, force: np.ndarray, source: np.ndarray, initial: np.ndarray, chain: np.ndarray,
              white: tuple[np.ndarray, ...], gains: np.ndarray, offsets: np.ndarray, *, gate: float, dt: float,
-             out: tuple[np.ndarray, np.ndarray], n_threads: int = 1, single: bool = False) -> None:  # fmt: skip
-    """Into `out`, positions and velocities (N, T, d) from start (N, d) under force (T, f) or (N, T, f).
+             out: tuple[np.ndarray, np.ndarray], n_threads: int = 1, single: bool = False) -> bool:  # fmt: skip
+    """Into `out`, positions and velocities (N, T, d) from start (N, d) under force (T, f) or (N, T, f); False if not finite.
 
     `source` (D,) says which of (position, force, velocity) each channel of the densities is; gains (K, d, d + f), offsets (K, d).
     """
@@ -171,7 +171,8 @@ def rollouts(start: np.ndarray, force: np.ndarray, source: np.ndarray, initial: 
     matrix[:, :k] = chain
     matrix[:, k : k + d * (1 + n_in)] = np.dstack([offsets[:, :, None], gains]).reshape(k, -1)
     given = _in_order(start, force, source, initial, *white, matrix)
-    native.rollouts(d, force.shape[-1], n, force.shape[-2], *given, gate, dt, *out, n_threads, single)
+    finite: bool = native.rollouts(d, force.shape[-1], n, force.shape[-2], *given, gate, dt, *out, n_threads, single)
+    return finite
 
 
 def _in_order(*arrays: np.ndarray) -> list[np.ndarray]:

@@ -935,6 +935,10 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
         for (int o = 0; o < d; o++)
             for (int i = 0; i < TILES; i++) now[o * TILES + i] += dt * now[(n_in + o) * TILES + i];
     }
+    ivec lost = {0}; /* what is not finite stays so: the end tells */
+    for (int i = 0; i < d * TILES; i++) lost |= ~(now[i] - now[i] == NAME(all)(0));
+    for (int l = 0; l < W; l++)
+        if (lost[l]) atomic_store(job->lost, 1);
 }
 
 static const Level NAME(level) = {

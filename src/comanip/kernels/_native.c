@@ -91,6 +91,7 @@ typedef struct {
     int columns;
     const int64_t *source;         /* (D) which of (position, force, velocity) each channel of the evidence is */
     double gate, dt, *position, *velocity;
+    atomic_int *lost;              /* not 0: a path is not finite */
 } Rollouts;
 
 typedef struct Level {
@@ -666,7 +667,8 @@ static PyObject *rollouts(PyObject *self, PyObject *args) {
     Arrays arrays = {.n = 0};
     PyObject *result = NULL;
     Model model;
-    Rollouts job = {.model = &model, .n_axes = (int)d, .n_forces = (int)f, .n = n, .length = T, .gate = gate, .dt = dt};
+    atomic_int lost = 0;
+    Rollouts job = {.model = &model, .n_axes = (int)d, .n_forces = (int)f, .n = n, .length = T, .gate = gate, .dt = dt, .lost = &lost};
     job.force_step = n_force == T * f ? 0 : T;
     job.start = NUMBERS(start, n * d);
     job.force = NUMBERS(force, n_force);
@@ -693,7 +695,7 @@ static PyObject *rollouts(PyObject *self, PyObject *args) {
         goto done;
     }
     give_space(w.space);
-    result = Py_NewRef(Py_None);
+    result = PyBool_FromLong(!atomic_load(&lost));
 done:
     free(block);
     release(&arrays);
@@ -1158,7 +1160,7 @@ static PyMethodDef functions[] = {
     {"segments", segments, METH_VARARGS, "Expectations of a hidden semi-Markov model; sequences marked as failed need the twin."},
     {"mixture", mixture, METH_VARARGS, "Moments of a mixture and the log-likelihood of all frames."},
     {"decode", decode, METH_VARARGS, "Viterbi path of one sequence; gives its log-probability."},
-    {"rollouts", rollouts, METH_VARARGS, "Many roll-outs of a learned velocity law."},
+    {"rollouts", rollouts, METH_VARARGS, "Many roll-outs of a learned velocity law; False when one is not finite."},
     {"levels", levels, METH_NOARGS, "Instruction sets that run here, fastest first."},
     {"level", level, METH_NOARGS, "The instruction set in use."},
     {"lanes", lanes, METH_NOARGS, "float64 numbers in one vector of it."},

@@ -7,6 +7,7 @@ hundreds of starts and forces; a robot runs a skill instead.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,6 +58,31 @@ def roll_out(
     The model's channels are position.*, force.* (or none) and velocity.*. A line of regression goes on for ever, so a start far
     from the lessons may run away: look at the positions.
     """
+    if not (dt > 0.0 and np.isfinite(dt)):
+        raise ParameterError(f"dt is a period above 0 s; got {dt!r}")
+    single = in_float32(precision) and gate <= WIDEST_GATE
+    single = single and suits_float32(model.whitening, model.means, model.covariances, 0.0)
+    heard = evidence if evidence is None or isinstance(evidence, str) else tuple(evidence)
+    weigher, source, regression = _prepared(model, heard, transition_floor, gate)
+    d = model.n_channels - len(regression.inputs)
+    x, f = _checked(start, force, d, model.n_channels - 2 * d)
+    paths = _kept(out, (len(x), f.shape[-2], d))
+    if kernels.native is None:
+        _refuse_infinite(x, f)
+        return _roll(x, f, dt, weigher, source, regression, paths)
+    prepared = source, weigher.initial, weigher.chain, weigher.whitening.arrays, regression.gains, regression.offsets
+    if not kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, out=paths, n_threads=n_threads, single=single):
+        _refuse_infinite(x, f)
+        if single:
+            kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, out=paths, n_threads=n_threads)
+    return paths
+
+
+@lru_cache(maxsize=16)
+def _prepared(
+    model: Hmm, evidence: str | tuple[str, ...] | None, transition_floor: float, gate: float
+) -> tuple[ForwardFilter, np.ndarray, Regression]:
+    """Weights, which of (position, force, velocity) they listen to, and lines; kept, for they cost as much as 30,000 steps."""
     position, forces, velocity = (
         tuple(c for c in model.channels if c.split(".")[0] == group) for group in ("position", "force", "velocity")
     )
@@ -64,26 +90,10 @@ def roll_out(
         raise ChannelError(
             f"roll-outs want position.*, force.* and as many velocity.*; the model has {', '.join(model.channels)}"
         )
-    if not (dt > 0.0 and np.isfinite(dt)):
-        raise ParameterError(f"dt is a period above 0 s; got {dt!r}")
-    single = in_float32(precision) and gate <= WIDEST_GATE
-    single = single and suits_float32(model.whitening, model.means, model.covariances, 0.0)
-    x, f = _checked(start, force, len(position), len(forces))
-    paths = _kept(out, (len(x), f.shape[-2], len(position)))
     inputs = position + forces
     weigher = ForwardFilter(model, inputs if evidence is None else evidence, transition_floor=transition_floor, gate=gate)
     source = np.array([(inputs + velocity).index(c) for c in weigher.channels], dtype=np.int64)
-    regression = Regression(model, inputs, velocity)
-    if kernels.native is None:
-        _refuse_infinite(x, f)
-        return _roll(x, f, dt, weigher, source, regression, paths)
-    prepared = source, weigher.initial, weigher.chain, weigher.whitening.arrays, regression.gains, regression.offsets
-    kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, out=paths, n_threads=n_threads, single=single)
-    if not all(np.isfinite(path[:, -1]).all() for path in paths):  # what is not finite stays so: the last step tells
-        _refuse_infinite(x, f)
-        if single:
-            kernels.rollouts(x, f, *prepared, gate=gate, dt=dt, out=paths, n_threads=n_threads)
-    return paths
+    return weigher, source, Regression(model, inputs, velocity)
 
 
 def _roll(
