@@ -56,15 +56,14 @@ def test_weights_and_threads(level, lengths):
     rng = np.random.default_rng(2)
     lessons, p = lessons_of(rng, lengths, 4), chain(rng, 7, 4)
     white = whitening(p.means, p.covariances).arrays
-    one, two = [
-        kernels.e_step(lessons.z, lessons.narrow_groups, p.initial, p.transition, white, weights=True, n_threads=n, single=True)
-        for n in (1, 2)
-    ]
-    for a, b in zip(one, two, strict=True):
-        np.testing.assert_array_equal(a, b)
-    assert not one.failed.any()
-    expected = kernels.e_step(lessons.z, lessons.groups, p.initial, p.transition, white, weights=True)
-    agree(one.weights, expected.weights, tolerance=1e-4)
+    given = p.initial, p.transition, white
+    for ask in (kernels.e_step, kernels.posteriors):
+        one, two = [ask(lessons.z, lessons.narrow_groups, *given, n_threads=n, single=True) for n in (1, 2)]
+        for a, b in zip(one, two, strict=True):
+            np.testing.assert_array_equal(a, b)
+    weights, _, failed = one
+    assert not failed.any()
+    agree(weights, kernels.posteriors(lessons.z, lessons.groups, *given)[0], tolerance=1e-4)
 
 
 @native_only

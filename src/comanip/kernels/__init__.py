@@ -42,7 +42,6 @@ class Sums(NamedTuple):
     first           (K,) posterior of the first frames, summed
     log_likelihood  (S,)
     failed          (S,) sequences in which scaling ran out of float64: absent from the sums, and for the twin to add
-    weights         (N, K) γ, or None when nobody asked
     """
 
     moments: np.ndarray
@@ -50,7 +49,6 @@ class Sums(NamedTuple):
     first: np.ndarray
     log_likelihood: np.ndarray
     failed: np.ndarray
-    weights: np.ndarray | None
 
 
 def planned(lengths: np.ndarray, *, single: bool = False) -> Seating:
@@ -65,7 +63,6 @@ def e_step(
     transition: np.ndarray,
     white: tuple[np.ndarray, ...],
     *,
-    weights: bool = False,
     n_threads: int = 1,
     single: bool = False,
 ) -> Sums:
@@ -74,18 +71,24 @@ def e_step(
     Threads share groups of sequences; the sums are added in the same order whatever their number, so the bits are the same.
     `single` computes in float32, in which more sequences fail; the groups must be planned for it.
     """
-    n, d, k, s = len(frames), len(white[0]), len(white[3]), len(groups.plan.first) - 1
-    out = Sums(
-        np.empty((k, d + 1, d + 1)), np.empty((k, k)), np.empty(k), np.empty(s), np.empty(s, dtype=bool),
-        np.zeros((n, k)) if weights else None,
-    )  # fmt: skip
-    _e_step(frames, groups, (initial, transition, *white), out, n_threads, single)
+    d, k, s = len(white[0]), len(white[3]), len(groups.plan.first) - 1
+    out = Sums(np.empty((k, d + 1, d + 1)), np.empty((k, k)), np.empty(k), np.empty(s), np.empty(s, dtype=bool))
+    _e_step(frames, groups, (initial, transition, *white), (*out, None), n_threads, single)
     return out
+
+
+def posteriors(frames: np.ndarray, groups: Seating, initial: np.ndarray, transition: np.ndarray, white: tuple[np.ndarray, ...],
+               *, n_threads: int = 1, single: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """γ (N, K), log-likelihood (S,) of each sequence, and (S,) whether it failed and is for the twin."""
+    found, failed = np.empty(len(groups.plan.first) - 1), np.empty(len(groups.plan.first) - 1, dtype=bool)
+    weights = np.zeros((len(frames), len(initial)))
+    _e_step(frames, groups, (initial, transition, *white), (None, None, None, found, failed, weights), n_threads, single)
+    return weights, found, failed
 
 
 def likelihoods(frames: np.ndarray, groups: Seating, initial: np.ndarray, transition: np.ndarray, white: tuple[np.ndarray, ...],
                 *, n_threads: int = 1, single: bool = False) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """log-likelihood (S,) of each sequence, and (S,) whether it failed and is for the twin."""
+    """The same without γ."""
     found, failed = np.empty(len(groups.plan.first) - 1), np.empty(len(groups.plan.first) - 1, dtype=bool)
     _e_step(frames, groups, (initial, transition, *white), (None, None, None, found, failed, None), n_threads, single)
     return found, failed

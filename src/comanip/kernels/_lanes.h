@@ -462,11 +462,11 @@ backwards:
                     if (!job->failed[piece] && !kept_all) any_failed = job->failed[piece] = 1;
                 }
         }
-        if (!job->statistics) continue;
         if (job->weights)
             for (int l = 0; l < W; l++)
                 if (row[t * W + l] >= 0 && !(silent[t] >> l & 1))
                     for (int k = 0; k < K; k++) job->weights[row[t * W + l] * K + k] = gamma[k * TILES][l];
+        if (!job->statistics) continue;
         if (tile == 0) {
             NAME(outer)(steps, Ke, block, Ke, v, Ke);
             NAME(moments)(m, pairs, weight, x + t * step, products);
@@ -595,6 +595,9 @@ FN void NAME(alone)(const Job *job, int64_t piece, double *space, double *slot) 
             }
             for (int j = 0; j < nv; j++) gamma[i * nv + j] = at[j] * beta[j];
         }
+        if (job->weights)
+            for (int i = 0; i < n; i++)
+                for (int k = 0; k < K; k++) job->weights[(begin + t0 + i) * K + k] = ((real *)(gamma + i * nv))[k];
         if (!job->statistics) continue;
         for (int i = n; i < BLOCK; i++)
             for (int j = 0; j < nv; j++) gamma[i * nv + j] = v[i * nv + j] = (vec){0};
@@ -617,9 +620,6 @@ FN void NAME(alone)(const Job *job, int64_t piece, double *space, double *slot) 
             }
         for (int k = 0; k < K; k++)
             for (int i = 0; i < TILES; i++) tile[k * TILES + i] = NAME(gather)((real *)(gamma + i * W * nv) + k, nv * W);
-        if (job->weights)
-            for (int i = 0; i < n; i++)
-                for (int k = 0; k < K; k++) job->weights[(begin + t0 + i) * K + k] = ((real *)(gamma + i * nv))[k];
         NAME(rows)(row, begin + t0, end);
         NAME(load)(m, job->frames, row, x);
         NAME(moments)(m, pairs, tile, x, products);

@@ -42,6 +42,8 @@ def plan(lengths: np.ndarray, width: int, margins: np.ndarray | None = None) -> 
     lengths = np.asarray(lengths, dtype=np.int64)
     margins = np.full_like(lengths, MARGIN) if margins is None else margins
     number = np.where(margins == WHOLE, 1, _pieces_of(lengths, width))
+    if len(lengths) == 1 == number[0]:
+        return Plan(np.array([0, 1]), np.array([[0, 0, lengths[0], lengths[0]]]), np.array([0]), np.array([0] + [1] * width))
     pieces, first = _cut(lengths, number, margins)
     order, lanes = _pack(pieces[:, 3] - pieces[:, 0], width, np.repeat(number, number) > 1)
     return Plan(first, pieces, order, lanes)

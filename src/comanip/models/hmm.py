@@ -145,9 +145,9 @@ def posteriors(model: Hmm, sequence: Any) -> Posteriors:
     if kernels.native is not None and not np.isnan(frames).any():
         white = model.whitening.arrays
         groups = kernels.planned(np.array([len(frames)]))
-        sums = kernels.e_step(frames, groups, model.initial, model.transition, white, weights=True)
-        if sums.weights is not None and not sums.failed[0]:
-            return Posteriors(sums.weights, float(sums.log_likelihood[0]))
+        weights, likelihood, failed = kernels.posteriors(frames, groups, model.initial, model.transition, white)
+        if not failed[0]:
+            return Posteriors(weights, float(likelihood[0]))
     log_b = log_density(frames, model.means, model.covariances)[None]
     found = chains.expectations(log_b, np.array([log_b.shape[1]]), chains.log_of(model.initial), chains.log_of(model.transition))
     return Posteriors(found.weights, float(found.log_likelihood[0]))
@@ -290,9 +290,8 @@ def _weights(p: Chain, lessons: Lessons) -> Array:
     white = whitening(p.means, p.covariances)
     if kernels.native is None:
         return expectations_of(p, white, lessons.z, lessons.lengths).weights
-    sums = kernels.e_step(lessons.z, lessons.groups, p.initial, p.transition, white.arrays, weights=True)
-    assert sums.weights is not None
-    if sums.failed.any():
-        rows = np.repeat(sums.failed, lessons.lengths)
-        sums.weights[rows] = expectations_of(p, white, lessons.z[rows], lessons.lengths[sums.failed]).weights
-    return sums.weights
+    weights, _, failed = kernels.posteriors(lessons.z, lessons.groups, p.initial, p.transition, white.arrays)
+    if failed.any():
+        rows = np.repeat(failed, lessons.lengths)
+        weights[rows] = expectations_of(p, white, lessons.z[rows], lessons.lengths[failed]).weights
+    return weights
