@@ -10,8 +10,10 @@ import sys
 import time
 from pathlib import Path
 
+import joblib
 import numpy as np
 import pytest
+from joblib.parallel import ThreadingBackend
 
 import comanip
 from comanip import engine
@@ -115,6 +117,26 @@ def stumble(i):
     if i == 3:
         raise ValueError(f"no {i} here")
     return i
+
+
+class Patient(ThreadingBackend):
+    """As Ray's: it gives all results at the end, or none."""
+
+    supports_return_generator = False
+    used = 0
+
+    def submit(self, *arguments, **keywords):
+        Patient.used += 1
+        return super().submit(*arguments, **keywords)
+
+    apply_async = submit
+
+
+def test_any_backend_of_joblib_does_the_work():
+    joblib.register_parallel_backend("patient", Patient)
+    with joblib.parallel_config(backend="patient"):
+        assert list(each(divmod, [(7, 2), (9, 4), (5, 5)], n_jobs=2)) == [(3, 1), (2, 1), (1, 0)]
+    assert Patient.used
 
 
 def test_what_a_worker_raises_is_raised_here_in_its_turn(cluster):

@@ -1,12 +1,17 @@
-"""Where independent work runs: here, in processes of this machine, or on a Dask cluster. Same work, same bits.
+"""Where independent work runs: here, in processes of this machine, or on a cluster. Same work, same bits.
 
 `each` maps a function over work and gives the results in order: through joblib on this machine, and inside
 
     with comanip.backend("dask", address="tcp://scheduler:8786"):
         select_states(lessons, range(3, 13), channels=names)
 
-on the workers of that cluster. Not through joblib's own Dask backend: in 1.6 an error on a worker, even a file that is missing
-there, makes it wait for ever, and what it scatters is lost with the worker that holds it.
+on the workers of that cluster: not through joblib's own Dask backend, where in 1.6 an error on a worker, even a file that is
+missing there, makes it wait for ever, and what it scatters is lost with the worker that holds it. Any other backend that joblib
+knows is joblib's to choose; with Ray
+
+    ray.util.joblib.register_ray()
+    with joblib.parallel_config(backend="ray"):
+        select_states(lessons, range(3, 13), channels=names, n_jobs=-1)
 
 The bits are equal as long as all machines have one instruction set; COMANIP_KERNELS=avx2 settles that for a mixed cluster.
 """
@@ -71,9 +76,11 @@ def each(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], *, n_job
     if n_jobs == 1:
         return (function(*item) for item in work)
     from joblib import Parallel, delayed
+    from joblib.parallel import get_active_backend
 
-    results: Iterator[Any] = Parallel(n_jobs=n_jobs, return_as="generator")(delayed(function)(*item) for item in work)
-    return results
+    comes_in_turn = getattr(get_active_backend()[0], "supports_return_generator", False)  # Ray's gives all at the end
+    parallel = Parallel(n_jobs=n_jobs, return_as="generator" if comes_in_turn else "list")
+    return iter(parallel(delayed(function)(*item) for item in work))
 
 
 def _on_cluster(client: Any, function: Callable[..., Any], work: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
