@@ -134,8 +134,9 @@ def checked(values: Any, sequence: int, names: tuple[str, ...]) -> Array:
         hint = "; put a single demonstration into a list" if x.ndim == 1 else ""
         raise ChannelError(f"demonstration {sequence} has shape {x.shape}; channels {names} want (T, {len(names)}){hint}")
     with np.errstate(invalid="ignore"):
-        bad = np.argwhere(~(np.abs(x) < BEYOND_ANY_SENSOR))
-    if len(bad):
+        fine = np.abs(x) < BEYOND_ANY_SENSOR
+    if not fine.all():
+        bad = np.argwhere(~fine)
         frame, column = bad[0]
         raise TrainingError(
             f"demonstration {sequence}, frame {frame}: {names[column]} is {x[frame, column]:g}"
