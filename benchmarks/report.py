@@ -23,6 +23,7 @@ PARTS = {
     "online": "online.measure()",
     "tick": "tick.summary()",
     "rollouts": "rollouts.measure()",
+    "closed_loop": "closed_loop.measure()",
     "streaming": "streaming.measure(10)",
     "startup": "startup.measure()",
 }
@@ -87,6 +88,12 @@ def envelope_table(rows: list[dict[str, Any]]) -> str:
 
 def rates_table(rates: dict[str, float]) -> str:
     return rows_of(("", "million steps a second"), [[p, f"{v:.2f} ({v / rates['comanip']:.2f} ×)"] for p, v in rates.items()])
+
+
+def loop_table(found: dict[str, Any]) -> str:
+    ours = found["us"]["comanip"]
+    body = [[n, f"{us:.1f} ({us / ours:.1f} ×)", f"{found['partners_per_s'][n]:.0f}"] for n, us in found["us"].items()]
+    return rows_of(("", "µs a tick", "partners a second"), body)
 
 
 def streaming_table(found: dict[str, float]) -> str:
@@ -220,6 +227,12 @@ dynamax has no roll-outs: these are its emission distribution and the two steps 
 "JAX, hand-written" is our recursion in JAX, the factors prepared as ours are. After ten steps both are where ours is to 1e-6
 (1e-4 in float32), or the run stops. dynamax has no gate; here it moves no roll-out by more than
 {results["rollouts"]["gate_m"]:.0e} m.
+
+## Roll-outs on the beam with partners that answer, 20 of them one after another
+
+{loop_table(results["closed_loop"])}
+The whole loop of `comanip trial`: skill within its envelope, force estimate, beam and person in sub-steps of 1 ms, everything
+recorded. One core; `--workers` shares partners among processes. All go the same way to 1e-8 m, or the run stops.
 
 ## EM over a stream, {results["streaming"]["frames"]:,.0f} frames in Parquet, ns a frame
 

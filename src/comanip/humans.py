@@ -20,6 +20,8 @@ import numpy as np
 
 from .errors import ParameterError
 
+BLOCK = 2048  # normal numbers drawn at once; kernels/_beam.h knows it
+
 
 def minimum_jerk(s: float) -> tuple[float, float, float]:
     """Position, velocity and acceleration of the unit minimum-jerk motion at phase s, clamped to [0, 1]."""
@@ -98,15 +100,15 @@ class Intent:
     """
 
     def __init__(self, plan: Plan | Legs | None, yielding: Yielding | None, step_s: float) -> None:
-        self.plan, self.yielding, self._step = plan, yielding, step_s
-        self._mix = 1.0 - exp(-2 * pi * yielding.felt_bandwidth_hz * step_s) if yielding else 0.0
+        self.plan, self.yielding, self.step_s = plan, yielding, step_s
+        self.mix = 1.0 - exp(-2 * pi * yielding.felt_bandwidth_hz * step_s) if yielding else 0.0
+        self.late = max(1, round(yielding.delay_s / step_s)) if yielding else 1
         self.reset()
 
     def reset(self) -> None:
         self._correction = self._correction_speed = 0.0
         self._felt = self._surplus = self._planned_speed = 0.0
-        late = max(1, round(self.yielding.delay_s / self._step)) if self.yielding else 1
-        self._past = deque([(0.0, 0.0)] * late, maxlen=late)
+        self._past = deque([(0.0, 0.0)] * self.late, maxlen=self.late)
 
     def step(self, time: float) -> tuple[float, float, float]:
         """Equilibrium [m] from the start, its velocity [m/s] and the planned acceleration [m/s^2] at `time` [s]."""
@@ -119,16 +121,16 @@ class Intent:
         dead = y.dead_zone_n
         beyond = pull - dead if pull > dead else pull + dead if pull < -dead else 0.0
         wanted = beyond / y.damping_ns_per_m + y.persistence * surplus
-        self._correction_speed += self._step / y.lag_s * (wanted - self._correction_speed)
-        self._correction += self._step * self._correction_speed
+        self._correction_speed += self.step_s / y.lag_s * (wanted - self._correction_speed)
+        self._correction += self.step_s * self._correction_speed
         return x + self._correction, v + self._correction_speed, a
 
     def feel(self, pull: float, speed: float) -> None:
         """`pull` e [N]: force on the hand beyond what is expected; `speed` [m/s] of the hand."""
         if self.yielding is None:
             return
-        self._felt += self._mix * (pull - self._felt)
-        self._surplus += self._mix * (speed - self._planned_speed - self._surplus)
+        self._felt += self.mix * (pull - self._felt)
+        self._surplus += self.mix * (speed - self._planned_speed - self._surplus)
         self._past.append((self._felt, self._surplus))
 
 
@@ -162,7 +164,7 @@ class Noise:
     def sample(self, force: float) -> float:
         """The next disturbance [N] of a hand that exerts `force` [N]."""
         if not self.block:
-            self.block = self.rng.standard_normal(2048).tolist()
+            self.block = self.rng.standard_normal(BLOCK).tolist()
         kind = self.kind
         self.value = self.keep * self.value + self.fresh * self.block.pop()
         self.phase += 2 * pi * kind.tremor_hz * self.step

@@ -881,20 +881,6 @@ static PyObject *lines_mean(PyObject *object, PyObject *const *args, Py_ssize_t 
 #define MOST_AXES 6
 #define PI 3.14159265358979323846
 
-/* The same bits as in Python: nothing may be contracted. */
-#if defined(__clang__)
-#pragma clang fp contract(off)
-#else
-#pragma GCC push_options
-#pragma GCC optimize("fp-contract=off")
-#endif
-#include "_law.h"
-#include "_checker.h"
-#include "_envelope.h"
-#if !defined(__clang__)
-#pragma GCC pop_options
-#endif
-
 /* An array that comes again at every tick, taken once. Its exporter must be the array itself, as numpy's is, or another object might
  * one day sit at the same address. */
 static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
@@ -909,6 +895,21 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
     PyBuffer_Release(view);
     return NULL;
 }
+
+/* The same bits as in Python: nothing may be contracted. */
+#if defined(__clang__)
+#pragma clang fp contract(off)
+#else
+#pragma GCC push_options
+#pragma GCC optimize("fp-contract=off")
+#endif
+#include "_law.h"
+#include "_checker.h"
+#include "_envelope.h"
+#include "_beam.h"
+#if !defined(__clang__)
+#pragma GCC pop_options
+#endif
 
 enum { POSITION, FORCE, COMMAND, LAW_SLOTS = COMMAND + 3 };
 
@@ -1211,7 +1212,7 @@ static PyType_Spec envelope_spec = {"comanip.kernels._native.Envelope", sizeof(E
 static int start(PyObject *module) {
     for (int i = N_LEVELS - 1; i >= 0; i--)
         if (runs_here(LEVELS[i])) active = LEVELS[i];
-    PyType_Spec *const specs[] = {&filter_spec, &lines_spec, &law_spec, &envelope_spec, &waiting_spec};
+    PyType_Spec *const specs[] = {&filter_spec, &lines_spec, &law_spec, &envelope_spec, &waiting_spec, &beam_spec};
     for (size_t i = 0; i < sizeof specs / sizeof *specs; i++) {
         PyObject *type = PyType_FromSpec(specs[i]);
         if (!type || PyModule_AddType(module, (PyTypeObject *)type) < 0) {

@@ -15,12 +15,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import exp
+from math import exp, isfinite
+from typing import Any
 
 import numpy as np
 
+from .. import kernels
 from ..errors import ParameterError
 from ..exact_step import second_order_step
+from ..humans import BLOCK
 from ..interfaces import STANDARD_GRAVITY, Array, Command, Observation, Partner
 
 
@@ -106,6 +109,9 @@ class _AxialAxis(_TransverseAxis):
         self.sensor_force = partner_force - self.beam.mass_kg * self.acceleration
 
 
+SHOWN = 11  # of each axis: its floats above, far end's position and velocity, the partner's force, the sensor's mean
+
+
 class BeamPlant:
     """Robot hand, beam and partner in closed loop, for any task axes.
 
@@ -143,14 +149,16 @@ class BeamPlant:
             for name in self.axes
         ]
         self._commanded = np.zeros(d)
-        self._far_position, self._far_velocity, self._partner_force = np.zeros(d), np.zeros(d), np.zeros(d)
-        self._sampled = np.zeros(d)
+        self._shown = np.zeros(SHOWN * d)
+        self._ends = self._shown.reshape(SHOWN, d)
+        self._far_position, self._far_velocity, self._partner_force, self._sampled = self._ends[-4:]
+        self._tilt, self._acceleration, self._true_force = np.zeros(d), np.zeros(d), np.zeros(d)
         self._channels = {
             "partner.force": (self._partner_force, "N"),
             "partner.position": (self._far_position, "m"),
-            "beam.tilt": (np.zeros(d), "rad"),
-            "hand.acceleration": (np.zeros(d), "m/s^2"),
-            "hand.true_force": (np.zeros(d), "N"),
+            "beam.tilt": (self._tilt, "rad"),
+            "hand.acceleration": (self._acceleration, "m/s^2"),
+            "hand.true_force": (self._true_force, "N"),
         }
         self.reset()
 
@@ -160,7 +168,7 @@ class BeamPlant:
 
     @property
     def stop_reason(self) -> str:
-        if not np.isfinite(self._far_position).all():
+        if not all(map(isfinite, self._far_position.tolist())):
             return "the plant's state is not finite"
         return ""
 
@@ -175,24 +183,51 @@ class BeamPlant:
         self._sampled[:] = [axis.sensor_force for axis in self._state]
         late = round(self.sensor.delay_s / self._step)
         self._line = [deque([axis.sensor_force] * (late + 1), maxlen=late + 1) for axis in self._state]
+        self._compiled, self._noise = self._compile(late)
+
+    def _compile(self, late: int) -> tuple[Any, np.random.Generator]:
+        """Beam and person in C, and where his noise comes from; None where nothing was compiled or he is not known by numbers."""
+        person = self.partner.by_numbers() if hasattr(self.partner, "by_numbers") else None
+        if kernels.native is None or person is None or len(self.axes) > 6:
+            return None, self._rng
+        beam, one, axis = self.beam, self._state[0].tilting, self._state[0]
+        wrist = np.array([
+            beam.mass_kg, beam.length_m, beam.wrist_stiffness_nm_per_rad, beam.wrist_damping_nms_per_rad, beam.actuator_lag_s,
+            axis.inertia, axis.decay, self._step, one.yy, one.yv, one.yu, one.vy, one.vv, one.vu,
+        ])  # fmt: skip
+        ends = np.array([[isinstance(a, _AxialAxis), a.gravity, a.position] for a in self._state], dtype=float)
+        along = np.hstack([ends, person.along])
+        made = kernels.native.Beam(wrist, person.numbers, along, person.legs, self._substeps, person.late, late)
+        return made, person.rng
 
     def read(self, obs: Observation) -> None:
         obs.time = self.time
-        noise = self.sensor.noise_n * self._rng.standard_normal(len(self.axes))
+        noise, sampled = self._rng.standard_normal(len(self.axes)).tolist(), self._sampled.tolist()
         for i, axis in enumerate(self._state):
             obs.position[i] = axis.position
             obs.velocity[i] = axis.velocity
-            obs.sensor_force[i] = self._sampled[i] + self.sensor.bias_n + noise[i]
-            self._channels["beam.tilt"][0][i] = axis.tilt
-            self._channels["hand.acceleration"][0][i] = axis.acceleration
-            weight = 0.5 * self.beam.mass_kg * (axis.gravity + axis.acceleration)
-            self._channels["hand.true_force"][0][i] = axis.sensor_force + weight
+            obs.sensor_force[i] = sampled[i] + self.sensor.bias_n + self.sensor.noise_n * noise[i]
+            self._tilt[i] = axis.tilt
+            self._acceleration[i] = axis.acceleration
+            self._true_force[i] = axis.sensor_force + 0.5 * self.beam.mass_kg * (axis.gravity + axis.acceleration)
 
     def write(self, command: Command) -> None:
         self._commanded[:] = command.velocity
 
     def advance(self) -> None:
         """One control period. The sensor integrates over it, as anti-aliased sensors do."""
+        if self._compiled is None:
+            self._advance()
+        else:
+            if not self._compiled.advance(self.time, self._commanded, self._shown):
+                self._compiled.feed(self._noise.standard_normal((len(self.axes), BLOCK)))
+                self._compiled.advance(self.time, self._commanded, self._shown)
+            for axis, numbers in zip(self._state, self._ends.T.tolist(), strict=True):
+                axis.position, axis.velocity, axis.acceleration, axis.tilt, _, _, axis.sensor_force, *_ = numbers
+        self.time += self.dt
+
+    def _advance(self) -> None:
+        """The period to read."""
         total = [0.0] * len(self._state)
         commanded = self._commanded.tolist()
         for n in range(self._substeps):
@@ -204,5 +239,4 @@ class BeamPlant:
                 line = self._line[i]
                 line.append(axis.sensor_force)
                 total[i] += line[0]
-        self.time += self.dt
         self._sampled[:] = [t / self._substeps for t in total]

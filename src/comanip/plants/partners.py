@@ -13,6 +13,8 @@ sharing   both at once: he has a plan and yields to what he did not expect, e = 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from math import pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -50,6 +52,20 @@ class Arm:
             )
 
 
+class Person(NamedTuple):
+    """A human by numbers, as kernels/_beam.h takes him.
+
+    numbers (16,) its Human; along (d, 4) whether he moves along an axis, what he carries there, its origin, the phase of his
+    tremor; legs (n, 3) of his plan; late, his delay in sub-steps; rng, where his unsteadiness comes from
+    """
+
+    numbers: Array
+    along: Array
+    legs: Array
+    late: int
+    rng: np.random.Generator
+
+
 class _Human:
     """The one model behind the three: he moves along axis `moving` as he intends and holds the others."""
 
@@ -65,6 +81,7 @@ class _Human:
         rng: np.random.Generator,
     ) -> None:
         self.arm, self.axes = arm, axes
+        self._plan, self._yielding = plan, yielding
         self._feedforward = plan.feedforward_kg if plan else 0.0
         self._moving = tuple(1.0 if name == moving else 0.0 for name in axes)
         self._carried = tuple(arm.carried_n if name == "z" else 0.0 for name in axes)
@@ -77,6 +94,24 @@ class _Human:
         for noise, intent in zip(self._noise, self._intents, strict=True):
             noise.reset()
             intent.reset()
+
+    def by_numbers(self) -> Person | None:
+        """This human after his reset; None for one who is not wholly of this module."""
+        ours = type(self) in (HumanLeader, HumanFollower, HumanSharing) and type(self._plan) in (Plan, Legs, type(None))
+        asked = "force" in vars(self) or len(self._origin) != len(self.axes)  # by somebody who knows better, or wrongly
+        if not ours or asked or any(noise.block for noise in self._noise):
+            return None
+        arm, noise, y = self.arm, self._noise[0], self._yielding or Yielding()
+        kind, intent = noise.kind, next((i for i, m in zip(self._intents, self._moving, strict=True) if m), self._intents[0])
+        numbers = [
+            arm.stiffness_n_per_m, arm.damping_ns_per_m, self._feedforward, float(self._yielding is not None), y.damping_ns_per_m,
+            y.persistence, y.lag_s, y.dead_zone_n, intent.mix, intent.step_s, noise.keep, noise.fresh, kind.relative,
+            kind.absolute_n, kind.tremor_n, 2 * pi * kind.tremor_hz * noise.step,
+        ]  # fmt: skip
+        plan = self._plan
+        legs = () if plan is None else plan.legs if isinstance(plan, Legs) else ((plan.onset_s, plan.duration_s, plan.lift_m),)
+        along = np.column_stack([self._moving, self._carried, self._origin, [n.phase for n in self._noise]])
+        return Person(np.array(numbers), along, np.array(legs).reshape(-1, 3), intent.late, noise.rng)
 
     def force(self, time: float, position: Array, velocity: Array, out: Array) -> None:
         arm = self.arm
