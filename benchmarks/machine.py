@@ -7,6 +7,7 @@ import os
 import platform
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -93,6 +94,21 @@ def dgemm_gflops(size: int = 1000, repeats: int = 5) -> float:
     """One thread, when the environment says OPENBLAS_NUM_THREADS=1: the best this core did."""
     a, b = np.random.default_rng(0).random((2, size, size))
     return 2.0 * size**3 / min(alternated({"": lambda: a @ b}, repeats)[""]) / 1e9
+
+
+def dgemm_gflops_of(n_threads: int, size: int = 1000, repeats: int = 15) -> float:
+    """n threads at once, each with matrices of its own, for long enough that a machine which lends its cores shows it."""
+    pairs = np.random.default_rng(0).random((n_threads, 2, size, size))
+
+    def multiply(pair: np.ndarray) -> None:
+        for _ in range(repeats):
+            pair[0] @ pair[1]
+
+    def all_at_once() -> None:
+        with ThreadPoolExecutor(n_threads) as pool:
+            list(pool.map(multiply, pairs))
+
+    return 2.0 * size**3 * repeats * n_threads / median(alternated({"": on_all_cores(all_at_once)}, 5)[""]) / 1e9
 
 
 def flops_per_frame(n_channels: int, n_states: int) -> float:

@@ -12,18 +12,28 @@ from typing import Any
 import numpy as np
 
 import em
-from machine import CORES, Problem, alternated, dgemm_gflops, flops_per_frame, median, on_all_cores, problem, stay_on_one_core
+from machine import (
+    CORES,
+    Problem,
+    alternated,
+    dgemm_gflops,
+    dgemm_gflops_of,
+    flops_per_frame,
+    median,
+    on_all_cores,
+    problem,
+    stay_on_one_core,
+)
 
 LENGTH, N, D, K = 500, 50_000, 7, 10  # what does not vary
 VARIED: dict[str, tuple[int, ...]] = {
     "frames": (1_000, 10_000, 100_000, 1_000_000, 10_000_000),
     "channels": (1, 3, 7, 14, 30, 60),
     "states": (1, 2, 5, 10, 20, 40, 64),
-    "threads": tuple(range(1, len(CORES) + 1)),
 }
 ALONE = 1_000_000  # frames beyond this are for comanip alone: the others would want more memory or patience
 LONGEST_S = 8.0  # a call that would take longer, by the point before it, is not made
-BUDGET_S = 1.0  # of repeated calls a point
+BUDGET_S = 2.0  # of repeated calls a point and peer
 PEERS: dict[str, Callable[[Problem], Callable[[], float]]] = {
     "comanip": em.comanip,
     "comanip, 2 threads": lambda p: on_all_cores(em.comanip(p, 2)),
@@ -73,14 +83,24 @@ def measure() -> dict[str, list[dict[str, Any]]]:
         for value in values:
             p = sized(*(value if varied == name else usual for name, usual in (("frames", N), ("channels", D), ("states", K))))
             makers = PEERS if len(p.frames) <= ALONE else {n: m for n, m in PEERS.items() if n.startswith("comanip")}
-            if varied == "threads":
-                makers = {"comanip": lambda p, n=value: on_all_cores(em.comanip(p, n))}
             row = {"value": value} | point(p, makers, last)
-            if varied == "threads":
-                row["floor_ns"] /= value
             found[varied].append(row)
             print(varied, value, {n: round(v, 1) for n, v in row["ns"].items()}, f"floor {row['floor_ns']:.1f}", file=sys.stderr)
+    found["threads"] = by_threads()
     return found
+
+
+def by_threads() -> list[dict[str, Any]]:
+    """The same rows for all numbers of threads, taken in turns over a million frames; the floor is that of as many dgemms."""
+    p, numbers = sized(ALONE, D, K), range(1, len(CORES) + 1)
+    times = alternated({str(n): on_all_cores(em.comanip(p, n)) for n in numbers}, 15)
+    rows = [
+        {"value": n, "ns": {"comanip": median(times[str(n)]) / len(p.frames) * 1e9},
+         "floor_ns": flops_per_frame(D, K) / dgemm_gflops_of(n)}
+        for n in numbers
+    ]  # fmt: skip
+    print("threads", rows, file=sys.stderr)
+    return rows
 
 
 def draw(found: dict[str, list[dict[str, Any]]], path: Any) -> None:
@@ -92,7 +112,7 @@ def draw(found: dict[str, list[dict[str, Any]]], path: Any) -> None:
     from matplotlib.ticker import NullLocator, StrMethodFormatter
 
     usual = {"frames": f"D {D}, K {K}", "channels": f"{N:,} frames, K {K}", "states": f"{N:,} frames, D {D}",
-             "threads": f"{N:,} frames, D {D}, K {K}"}  # fmt: skip
+             "threads": f"{ALONE:,} frames, D {D}, K {K}"}  # fmt: skip
     labels = {"frames": "frames N", "channels": "channels D", "states": "states K", "threads": "threads"}
     figure, axes = plt.subplots(2, 2, figsize=(9.0, 6.4), constrained_layout=True)
     for axis, (varied, rows) in zip(axes.flat, found.items(), strict=True):

@@ -135,7 +135,8 @@ def draw(found: dict[str, np.ndarray], path: str) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(7, 4))
-    bins = np.geomspace(1.0, max(float(t.max()) for t in found.values()), 120)
+    shown = [took for name, took in found.items() if "envelope" in name]
+    bins = np.geomspace(min(t.min() for t in shown), max(t.max() for t in shown), 120)
     for name, took in found.items():
         style = {"follower": "-", "leader": ":", "auto": "--"}[name.split(",")[0]]
         color = "tab:red" if "twin" in name else "black"
