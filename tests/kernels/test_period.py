@@ -122,3 +122,10 @@ def own(one):
 def test_a_partner_who_is_not_known_by_numbers_is_asked(partner):
     rng = np.random.default_rng(0)
     assert BeamPlant(partner(rng), rng=rng)._compiled is None
+
+
+def test_steps_finer_than_a_block_of_noise_are_left_to_the_twin():
+    rng = np.random.default_rng(0)
+    one = BeamPlant(HumanLeader(rng=rng), rng=rng, dt=0.1, substep_s=4e-5)
+    assert one._compiled is None
+    one.advance()

@@ -188,7 +188,7 @@ class BeamPlant:
     def _compile(self, late: int) -> tuple[Any, np.random.Generator]:
         """Beam and person in C, and where his noise comes from; None where nothing was compiled or he is not known by numbers."""
         person = self.partner.by_numbers() if hasattr(self.partner, "by_numbers") else None
-        if kernels.native is None or person is None or len(self.axes) > 6:
+        if kernels.native is None or person is None or len(self.axes) > 6 or self._substeps > BLOCK:
             return None, self._rng
         beam, one, axis = self.beam, self._state[0].tilting, self._state[0]
         wrist = np.array([

@@ -96,7 +96,7 @@ class _Human:
             intent.reset()
 
     def by_numbers(self) -> Person | None:
-        """This human after his reset; None for one who is not wholly of this module."""
+        """This human after his reset, and until the next one; None for one who is not wholly of this module."""
         ours = type(self) in (HumanLeader, HumanFollower, HumanSharing) and type(self._plan) in (Plan, Legs, type(None))
         asked = "force" in vars(self) or len(self._origin) != len(self.axes)  # by somebody who knows better, or wrongly
         if not ours or asked or any(noise.block for noise in self._noise):
