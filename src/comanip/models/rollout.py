@@ -52,8 +52,7 @@ def roll_out(
                             from those of "float64", the others, where two states compete, within 1e-4. A channel far from
                             zero for its spread, a gate above 60 or a path that leaves float32 is for float64, as is all
                             without compiled kernels
-    out                     arrays to write into and give back, float64 (N, T, d), C-contiguous: where many calls follow each
-                            other, fresh memory for each costs a tenth of the time
+    out                     arrays to write into and give back, float64 (N, T, d), C-contiguous: nothing is allocated for them
 
     The model's channels are position.*, force.* (or none) and velocity.*. A line of regression goes on for ever, so a start far
     from the lessons may run away: look at the positions.
