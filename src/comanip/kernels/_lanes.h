@@ -142,7 +142,10 @@ FN void NAME(load)(const Model *m, const double *frames, const int64_t *row, vec
     const int D = m->D;
     for (int b = 0; b < TILES; b++, row += W) {
         const double *from[W];
-        for (int l = 0; l < W; l++) from[l] = row[l] < 0 ? m->origin : frames + row[l] * D;
+        for (int l = 0; l < W; l++) {
+            from[l] = row[l] < 0 ? m->origin : frames + row[l] * D;
+            __builtin_prefetch(from[l] + 2 * TILES * D); /* W sequences at once are more than a processor foresees */
+        }
 #define AT(l) (real)(from[l][d] - m->origin[d])
         for (int d = 0; d < D; d++) x[d * TILES + b] = EACH(AT);
 #undef AT
@@ -233,18 +236,46 @@ FN void NAME(outer)(vec *sums, ptrdiff_t stride, const vec *a, int n_a, const ve
     }
 }
 
-/* sums[k] += sum over a block of weight[k] (x, 1)(x, 1)^T, upper triangle row by row; `products` is scratch. */
-FN void NAME(moments)(const Model *m, vec *sums, const vec *weight, const vec *x, vec *products) {
-    int i = 0, j = 0;
-    for (int from = 0; from < m->n_pairs; from += CHUNK) {
-        const int n = m->n_pairs - from < CHUNK ? m->n_pairs - from : CHUNK, even = n + (n & 1);
-        vec *to = products;
-        for (int p = 0; p < n; p++, to += TILES) {
-            for (int t = 0; t < TILES; t++) to[t] = x[i * TILES + t] * x[j * TILES + t];
-            if (++j > m->D) j = ++i;
+#define MOST_ROWS (sizeof(vec) == 64 ? 10 : 6) /* of moments that registers hold, times two */
+
+/* Of how many states the moments are summed together, from state k on. */
+INLINE int NAME(rows_from)(const Model *m, int k) {
+    const int blocks = (m->Ke - k + MOST_ROWS - 1) / MOST_ROWS;
+    return 2 * ((m->Ke - k + 2 * blocks - 1) / (2 * blocks));
+}
+
+/* sums[p][r] += sum over a block of weight[r] x_i x_j, for the p-th pair (i, j) and `rows` states. Two pairs at a time stay in
+ * registers while the block passes, and a product is made where it is used: none is stored. */
+INLINE void NAME(some_moments)(const Model *m, vec *sums, const vec *weight, const vec *x, const int rows) {
+    const ptrdiff_t *of = m->pair;
+    for (const vec *end = sums + m->pairs * rows; sums < end; sums += 2 * rows, of += 4) {
+        const vec *i = x + of[0], *j = x + of[1], *k = x + of[2], *l = x + of[3];
+        vec s[20];
+#pragma GCC unroll 20
+        for (int r = 0; r < 2 * rows; r++) s[r] = sums[r];
+        for (int t = 0; t < TILES; t++) {
+            const vec one = i[t] * j[t], other = k[t] * l[t];
+#pragma GCC unroll 10
+            for (int r = 0; r < rows; r++) {
+                vec w = weight[r * TILES + t];
+                HOLD(w);
+                s[r] += w * one, s[rows + r] += w * other;
+            }
         }
-        if (even > n) memset(to, 0, sizeof(vec) * TILES);
-        NAME(outer)(sums + from, m->pairs, weight, m->Ke, products, even);
+#pragma GCC unroll 20
+        for (int r = 0; r < 2 * rows; r++) sums[r] = s[r];
+    }
+}
+
+/* sums += sum over a block of weight[k] (x, 1)(x, 1)^T, upper triangle row by row: [pairs][rows] for one lot of states after another. */
+FN void NAME(moments)(const Model *m, vec *sums, const vec *weight, const vec *x) {
+    for (int k = 0, rows; k < m->Ke; k += rows, sums += m->pairs * rows, weight += rows * TILES) {
+        rows = NAME(rows_from)(m, k);
+        if (MOST_ROWS == 10 && rows == 10) NAME(some_moments)(m, sums, weight, x, 10);
+        else if (MOST_ROWS == 10 && rows == 8) NAME(some_moments)(m, sums, weight, x, 8);
+        else if (rows == 6) NAME(some_moments)(m, sums, weight, x, 6);
+        else if (rows == 4) NAME(some_moments)(m, sums, weight, x, 4);
+        else NAME(some_moments)(m, sums, weight, x, 2);
     }
 }
 
@@ -253,27 +284,68 @@ FN void NAME(add_lanes)(const vec *from, int stride, int n_rows, int n_columns, 
         for (int j = 0; j < n_columns; j++) to[i * n_columns + j] += NAME(sum)(from[i * stride + j]);
 }
 
-/* The same, and `from` begins anew: often enough, float32 sums lose nothing. */
-FN void NAME(drain)(vec *from, int stride, int n_rows, int n_columns, double *to) {
-    NAME(add_lanes)(from, stride, n_rows, n_columns, to);
-    memset(from, 0, sizeof(vec) * stride * n_rows);
+/* The moments join `slot` [K][n_pairs] and begin anew: often enough, float32 sums lose nothing. */
+FN void NAME(drain)(const Model *m, vec *sums, double *slot) {
+    for (int k = 0, rows; k < m->Ke; k += rows, sums += m->pairs * rows) {
+        rows = NAME(rows_from)(m, k);
+        for (int r = 0; r < rows && k + r < m->K; r++)
+            for (int p = 0; p < m->n_pairs; p++) slot[(k + r) * m->n_pairs + p] += NAME(sum)(sums[p * rows + r]);
+        memset(sums, 0, sizeof(vec) * m->pairs * rows);
+    }
 }
 
 /* -------------------------------------------------------------------------------------- sequences side by side */
 
-INLINE void NAME(columns)(vec *out, int step, const vec *in, const real *matrix, int K, ptrdiff_t stride, const int n) {
-    vec s[6] = {{0}};
+/* s[j] = sum_i in[i] matrix[i][j] for n columns, in every lane; `in` is a column of a block. */
+INLINE void NAME(columns)(vec *s, const vec *in, const real *matrix, int K, ptrdiff_t stride, const int n) {
+    for (int j = 0; j < n; j++) s[j] = (vec){0};
     for (const vec *end = in + K * TILES; in < end; in += TILES, matrix += stride)
         for (int j = 0; j < n; j++) s[j] += matrix[j] * *in;
-    for (int j = 0; j < n; j++) out[j * step] = s[j];
 }
 
-/* out[j] = sum_i in[i] matrix[i][j], for every lane; `in` is a column of a block. */
-INLINE void NAME(product)(vec *out, const int step, const vec *in, const real *matrix, int K, int Ke) {
-    int j = 0;
-    for (; j + 6 <= Ke; j += 6) NAME(columns)(out + j * step, step, in, matrix + j, K, Ke, 6);
-    for (; j + 4 <= Ke; j += 4) NAME(columns)(out + j * step, step, in, matrix + j, K, Ke, 4);
-    for (; j < Ke; j += 2) NAME(columns)(out + j * step, step, in, matrix + j, K, Ke, 2);
+/* What becomes of these products before they leave their registers: six columns at a time, then four, then two. */
+#define IN_COLUMNS(K, Ke, some)                               \
+    do {                                                      \
+        int j = 0;                                            \
+        for (; j + 6 <= (Ke); j += 6) some(6);                \
+        for (; j + 4 <= (Ke); j += 4) some(4);                \
+        for (; j < (Ke); j += 2) some(2);                     \
+    } while (0)
+
+/* alpha_t, and its sum. */
+INLINE vec NAME(forwards)(vec *alpha, const vec *before, const real *chain, const vec *b, vec untold, vec r, int K, int Ke) {
+    vec sums[2] = {{0}};
+#define SOME(n)                                                                                                  \
+    {                                                                                                            \
+        vec s[n];                                                                                                \
+        NAME(columns)(s, before, chain + j, K, Ke, n);                                                           \
+        for (int i = 0; i < n; i++)                                                                              \
+            sums[i & 1] += alpha[(j + i) * TILES] = s[i] * ((b[(j + i) * TILES] - untold) * r);                  \
+    }
+    IN_COLUMNS(K, Ke, SOME);
+#undef SOME
+    return sums[0] + sums[1];
+}
+
+/* beta_t, gamma_t and v_t, and the largest v_t there was. */
+INLINE vec NAME(backwards)(vec *beta, vec *gamma, vec *v, const vec *after, const real *chain, const vec *alpha, const vec *b, vec r,
+                           vec brightest, int K, int Ke) {
+#define SOME(n)                                                                                                  \
+    {                                                                                                            \
+        vec s[n];                                                                                                \
+        NAME(columns)(s, after, chain + j, K, Ke, n);                                                            \
+        for (int i = 0; i < n; i++) {                                                                            \
+            const int at = (j + i) * TILES;                                                                      \
+            const vec future = s[i] * (b[at] * r);                                                               \
+            beta[j + i] = s[i];                                                                                  \
+            gamma[at] = alpha[at] * s[i];                                                                        \
+            brightest = NAME(larger)(brightest, future);                                                         \
+            v[at] = NAME(smaller)(future, NAME(all)(MOST_FUTURE));                                               \
+        }                                                                                                        \
+    }
+    IN_COLUMNS(K, Ke, SOME);
+#undef SOME
+    return brightest;
 }
 
 /* One group of pieces in W lanes. With a break before frame t the chain starts anew in that lane.
@@ -315,13 +387,12 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     vec *ab = x + length * step;         /* blocks [2 Ke][TILES]: alpha, then b */
     vec *scale = ab + length * 2 * Ke;   /* [length]: r_t */
     vec *weight = scale + length;        /* [Ke][TILES] */
-    vec *v = weight + TILES * Ke;        /* [Ke][TILES] */
-    vec *beta = v + TILES * Ke;          /* [Ke] */
+    vec *futures = weight + TILES * Ke;  /* [2][Ke][TILES]: v of this block and of the one behind it */
+    vec *beta = futures + 2 * TILES * Ke; /* [Ke] */
     vec *first = beta + Ke;              /* [Ke] */
-    vec *pairs = first + Ke;             /* [Ke][pairs] */
+    vec *pairs = first + Ke;             /* as in moments */
     vec *steps = pairs + (int64_t)Ke * m->pairs; /* [Ke][Ke] */
-    vec *products = steps + Ke * Ke;     /* [CHUNK][TILES] */
-    double *kept = (double *)(products + TILES * CHUNK);     /* [slot_size]: the sums before this group */
+    double *kept = (double *)(steps + Ke * Ke);              /* [slot_size]: the sums before this group */
     int64_t *row = (int64_t *)(kept + m->slot_size);         /* [length][W] */
     uint16_t *breaks = (uint16_t *)(row + length * W);       /* [length + 1] lanes in which a piece begins, or one has ended */
     uint16_t *seams = breaks + length + 1;                   /* [length + 1] and in which it meets another */
@@ -349,8 +420,8 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     vec r = NAME(all)(1.0), top[TILES];
     const vec untold = NAME(untold)(), anywhere = NAME(all)((real)1.0 / K); /* where a piece begins inside its sequence */
     double shift[W] = {0.0};
-    memset(v, 0, sizeof(vec) * TILES * Ke); /* serves as alpha before the first frame */
-    const vec *before = v;
+    memset(futures, 0, sizeof(vec) * TILES * Ke); /* serves as alpha before the first frame */
+    const vec *before = futures;
     for (int64_t t = 0; t < length; t++) {
         vec *block = ab + (t - t % TILES) * 2 * Ke, *alpha = block + t % TILES, *b = alpha + Ke * TILES;
         if (t % TILES == 0) {
@@ -359,19 +430,15 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
             NAME(relative)(b, K, top);
             if (Ke > K) memset(b + K * TILES, 0, sizeof(vec) * TILES);
         }
-        NAME(product)(alpha, TILES, before, m->forward, K, Ke);
+        vec s = NAME(forwards)(alpha, before, m->forward, b, untold, r, K, Ke);
         if (breaks[t]) {
             const ivec anew = NAME(mask)(breaks[t]), inside = NAME(mask)(breaks[t] & silent[t]);
-            for (int k = 0; k < K; k++)
-                alpha[k * TILES] = SELECT(anew, SELECT(inside, anywhere, NAME(all)(initial[k])), alpha[k * TILES]);
-            r = SELECT(anew, NAME(all)(1.0), r);
+            s = (vec){0};
+            for (int k = 0; k < K; k++) {
+                const vec start = SELECT(inside, anywhere, NAME(all)(initial[k])) * (b[k * TILES] - untold);
+                s += alpha[k * TILES] = SELECT(anew, start, alpha[k * TILES]);
+            }
         }
-        vec even = {0}, odd = {0};
-        for (int k = 0; k < Ke; k += 2) {
-            even += alpha[k * TILES] *= (b[k * TILES] - untold) * r;
-            odd += alpha[(k + 1) * TILES] *= (b[(k + 1) * TILES] - untold) * r;
-        }
-        vec s = even + odd;
         if (t >= shortest) { /* lanes that have nothing left */
             const ivec alive = ends > (whole)t;
             for (int k = 0; k < K; k++) alpha[k * TILES] = (vec)(alive & (ivec)alpha[k * TILES]);
@@ -413,30 +480,30 @@ backwards:
     any_failed = 0;
     vec brightest = {0};
     for (int l = 0; l < W; l++) next[l] = lane[l + 1];
-    memset(beta, 0, sizeof(vec) * (2 * Ke + (int64_t)Ke * m->pairs + Ke * Ke)); /* beta, first, pairs, steps */
+    memset(futures, 0, (char *)kept - (char *)futures);
+    vec *v = futures, *spare = futures + TILES * Ke;
     for (int64_t t = length - 1; t >= 0; t--) {
-        const int64_t tile = t % TILES, b_next = t + 1 - (t + 1) % TILES;
-        const vec *block = ab + (t - tile) * 2 * Ke, *alpha = block + tile;
-        const vec *b = ab + b_next * 2 * Ke + Ke * TILES + (t + 1) % TILES;
-        vec *vt = v + tile, *gamma = weight + tile;
-        const ivec over = NAME(mask)(breaks[t + 1]);
-        for (int k = 0; k < Ke; k++) {
-            const vec future = t + 1 < length ? beta[k] * b[k * TILES] * scale[t] : (vec){0};
-            brightest = NAME(larger)(brightest, future);
-            vt[k * TILES] = NAME(smaller)(future, NAME(all)(MOST_FUTURE));
-        }
+        const int64_t tile = t % TILES;
+        const vec *block = ab + (t - tile) * 2 * Ke, *alpha = block + tile, *b = alpha + Ke * TILES;
+        vec *after = v + tile, *gamma = weight + tile;
+        if (tile == 0) { vec *other = v; v = spare; spare = other; } /* the sums still need this block */
+        vec *vt = v + (tile + TILES - 1) % TILES;
+        const vec r = t > 0 ? scale[t - 1] : (vec){0}, until = brightest;
+        brightest = NAME(backwards)(beta, gamma, vt, after, m->backward, alpha, b, r, brightest, K, Ke);
         if (breaks[t + 1]) {
-            brightest = (vec)(~over & (ivec)brightest);
-            for (int k = 0; k < Ke; k++) vt[k * TILES] = (vec)(~over & (ivec)vt[k * TILES]);
-        }
-        NAME(product)(beta, 1, vt, m->backward, K, Ke);
-        if (breaks[t + 1]) {
+            const ivec over = NAME(mask)(breaks[t + 1]);
             vec s = {0};
             for (int k = 0; k < K; k++) s += alpha[k * TILES];
             s = 1.0 / NAME(larger)(s, NAME(all)(LEAST_SUM));
-            for (int k = 0; k < K; k++) beta[k] = SELECT(over, s, beta[k]);
+            brightest = until;
+            for (int k = 0; k < Ke; k++) {
+                beta[k] = SELECT(over, s, beta[k]);
+                gamma[k * TILES] = alpha[k * TILES] * beta[k];
+                const vec future = beta[k] * b[k * TILES] * r;
+                brightest = NAME(larger)(brightest, future);
+                vt[k * TILES] = NAME(smaller)(future, NAME(all)(MOST_FUTURE));
+            }
         }
-        for (int k = 0; k < Ke; k++) gamma[k * TILES] = alpha[k * TILES] * beta[k];
         for (int l = 0; l < W && seams[t]; l++)
             if (seams[t] >> l & 1) {
                 double *seam = job->seams + (job->order[next[l] - 1] * 2 + !(silent[t] >> l & 1)) * 2 * K;
@@ -446,7 +513,7 @@ backwards:
             const ivec counts = ~NAME(mask)(silent[t]), leads_on = ~NAME(mask)(silent[t + 1]);
             for (int k = 0; k < Ke; k++) {
                 gamma[k * TILES] = (vec)(counts & (ivec)gamma[k * TILES]);
-                vt[k * TILES] = (vec)(leads_on & (ivec)vt[k * TILES]);
+                after[k * TILES] = (vec)(leads_on & (ivec)after[k * TILES]);
             }
         }
         if (breaks[t]) {
@@ -458,9 +525,11 @@ backwards:
             for (int l = 0; l < W; l++)
                 if (breaks[t] >> l & 1 && t < ends[l]) {
                     const int64_t piece = job->order[--next[l]];
-                    const int kept_all = fabs(whole_past[l] - 1.0) < LOST && brightest[l] < MOST_FUTURE;
+                    const int kept_all = fabs(whole_past[l] - 1.0) < LOST && until[l] < MOST_FUTURE;
                     if (!job->failed[piece] && !kept_all) any_failed = job->failed[piece] = 1;
                 }
+            brightest = (vec)(~anew & (ivec)brightest);
+            for (int k = 0; k < Ke; k++) vt[k * TILES] = (vec)(~anew & (ivec)vt[k * TILES]);
         }
         if (job->weights)
             for (int l = 0; l < W; l++)
@@ -468,12 +537,13 @@ backwards:
                     for (int k = 0; k < K; k++) job->weights[row[t * W + l] * K + k] = gamma[k * TILES][l];
         if (!job->statistics) continue;
         if (tile == 0) {
-            NAME(outer)(steps, Ke, block, Ke, v, Ke);
-            NAME(moments)(m, pairs, weight, x + t * step, products);
+            NAME(outer)(steps, Ke, block, Ke, spare, Ke);
+            NAME(moments)(m, pairs, weight, x + t * step);
         }
         if (t % DRAIN == 0) {
-            NAME(drain)(pairs, m->pairs, K, m->n_pairs, slot);
-            NAME(drain)(steps, Ke, K, K, slot + (int64_t)K * m->n_pairs);
+            NAME(drain)(m, pairs, slot);
+            NAME(add_lanes)(steps, Ke, K, K, slot + (int64_t)K * m->n_pairs);
+            memset(steps, 0, sizeof(vec) * Ke * Ke);
         }
     }
     if (any_failed && job->statistics) { /* rare: all once more, without them */
@@ -533,9 +603,8 @@ FN void NAME(alone)(const Job *job, int64_t piece, double *space, double *slot) 
     vec *steps = beta + nv;             /* [K][nv] */
     vec *x = steps + K * nv;            /* [TILES][D + 1] */
     vec *tile = x + TILES * (m->D + 1); /* [nv W or Ke][TILES], zero behind the last state */
-    vec *pairs = tile + TILES * (nv * W > Ke ? nv * W : Ke); /* [Ke][pairs] */
-    vec *products = pairs + (int64_t)Ke * m->pairs;
-    double *kept = (double *)(products + TILES * CHUNK); /* [slot_size] */
+    vec *pairs = tile + TILES * (nv * W > Ke ? nv * W : Ke); /* as in moments */
+    double *kept = (double *)(pairs + (int64_t)Ke * m->pairs); /* [slot_size] */
     real *scale = (real *)(kept + m->slot_size); /* [padded] */
     int64_t row[TILES * W];
 
@@ -622,9 +691,9 @@ FN void NAME(alone)(const Job *job, int64_t piece, double *space, double *slot) 
             for (int i = 0; i < TILES; i++) tile[k * TILES + i] = NAME(gather)((real *)(gamma + i * W * nv) + k, nv * W);
         NAME(rows)(row, begin + t0, end);
         NAME(load)(m, job->frames, row, x);
-        NAME(moments)(m, pairs, tile, x, products);
+        NAME(moments)(m, pairs, tile, x);
         if (t0 % (DRAIN * W) == 0) {
-            NAME(drain)(pairs, m->pairs, K, m->n_pairs, slot);
+            NAME(drain)(m, pairs, slot);
             for (int i = 0; i < K; i++)
                 for (int j = 0; j < K; j++) transitions[i * K + j] += ((real *)(steps + i * nv))[j];
             memset(steps, 0, sizeof(vec) * K * nv);
@@ -649,7 +718,6 @@ FN void NAME(mixture)(const Job *job, int g, double *space, double *slot) {
     const int K = m->K, Ke = m->Ke, BLOCK = TILES * W;
     const int64_t begin = (int64_t)g * PIECE, end = begin + PIECE < job->n_frames ? begin + PIECE : job->n_frames;
     vec *x = (vec *)space, *tile = x + TILES * (m->D + 1), *pairs = tile + TILES * Ke;
-    vec *products = pairs + (int64_t)Ke * m->pairs;
     int64_t row[TILES * W];
     const real *log_weights = m->log_initial;
     vec top[TILES];
@@ -676,9 +744,9 @@ FN void NAME(mixture)(const Job *job, int g, double *space, double *slot) {
             for (int l = 0; l < W && l < left && job->weights; l++)
                 for (int k = 0; k < K; k++) job->weights[row[i * W + l] * K + k] = h[k * TILES][l];
         }
-        NAME(moments)(m, pairs, tile, x, products);
+        NAME(moments)(m, pairs, tile, x);
     }
-    NAME(add_lanes)(pairs, m->pairs, K, m->n_pairs, slot);
+    NAME(drain)(m, pairs, slot);
     double total = 0.0;
     for (int l = 0; l < W; l++) total += failed[l] ? NAN : NAME(take_log)(&logs, l);
     job->log_likelihood[g] = total;

@@ -24,7 +24,6 @@
 
 #define ROOT_HALF 0.70710678118654752440
 #define TILES 8               /* vectors in flight: a multiplication takes 4 cycles and 2 start in each */
-#define CHUNK 36              /* products x_i x_j kept at a time: TILES x CHUNK vectors fit in L1; even */
 #define RUN 32                /* steps of a roll-out between visits to its own arrays; a multiple of any number of lanes */
 #define LINE 8                /* float64 numbers in a cache line */
 #define PIECE 4096            /* frames of a mixture that make one unit of work */
@@ -44,6 +43,7 @@ enum { FRESH, HOPELESS_TICKS, RESTARTS, LAST_LOG_LIKELIHOOD, LOG_LIKELIHOOD, STA
 typedef struct {             /* Gaussians and a chain, laid out for the recursions */
     int D, K, Ke, nv;        /* channels, states, states made even, vectors that hold one number a state */
     int n_pairs, pairs;      /* products x_i x_j of (x, 1), and that made even */
+    ptrdiff_t *pair;         /* [pairs][2] where x_i and x_j begin in a block */
     size_t slot_size;        /* moments, transitions and first of an Hmm */
     double *origin;
     void *factors, *centres, *peak; /* Whitening; factors packed (K, D (D + 1) / 2). All but `origin` in the level's precision */
@@ -318,11 +318,14 @@ static double *lay_out(const Level *level, Model *m, int D, int K, const double 
     m->n_pairs = (D + 1) * (D + 2) / 2;
     m->pairs = m->n_pairs + (m->n_pairs & 1);
     m->slot_size = ((size_t)K * m->n_pairs + K * K + K + 7) / 8 * 8;
-    const size_t size = D + (size_t)K * triangle + K * D + K + 2 * (Kp + 2) + 2 * (size_t)Ke * Ke + 2 * (size_t)K * Kp + 256;
+    const size_t size = D + 2 * m->pairs + (size_t)K * triangle + K * D + K + 2 * (Kp + 2) + 2 * (size_t)Ke * Ke + 2 * (size_t)K * Kp + 256;
     double *block = aligned(size), *free_from = block;
     if (!block) return NULL;
     memset(block, 0, size * sizeof(double));
     m->origin = carve(&free_from, D);
+    ptrdiff_t *pair = m->pair = (ptrdiff_t *)carve(&free_from, 2 * m->pairs);
+    for (int i = 0; i <= D; i++)
+        for (int j = i; j <= D; j++) *pair++ = i * TILES, *pair++ = j * TILES; /* behind the last one: (0, 0) once more */
     double *packed = m->factors = carve(&free_from, (size_t)K * triangle);
     double *scaled_centres = m->centres = carve(&free_from, (size_t)K * D);
     m->peak = carve(&free_from, K);
@@ -393,7 +396,7 @@ static void *work(void *argument) {
 
 static size_t common_space(const Model *m, const Level *level) { /* what does not grow with the length of a sequence */
     const size_t Ke = m->Ke;
-    return level->vector * (Ke * m->pairs + Ke * Ke + 4 * TILES * Ke + 4 * Ke + TILES * CHUNK + TILES * (m->D + 1)) + m->slot_size + 64;
+    return level->vector * (Ke * m->pairs + Ke * Ke + 4 * TILES * Ke + 4 * Ke + TILES * (m->D + 1)) + m->slot_size + 64;
 }
 
 static size_t space_of(const Job *job, int g, const Level *level) {

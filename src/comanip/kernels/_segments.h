@@ -33,9 +33,8 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
     vec *value = steps + K * nv, *onward = value + nv, *g = onward + nv; /* [nv] */
     vec *x = g + nv;                          /* [TILES][D + 1] */
     vec *tile = x + TILES * (m->D + 1);       /* [nv W or Ke][TILES], zero behind the last state */
-    vec *pairs = tile + TILES * (Kp > Ke ? Kp : Ke); /* [Ke][pairs] */
-    vec *products = pairs + (int64_t)Ke * m->pairs;
-    double *bound = (double *)(products + TILES * CHUNK); /* [K]: no number in a row is larger; a row of zeros costs nothing */
+    vec *pairs = tile + TILES * (Kp > Ke ? Kp : Ke); /* as in moments */
+    double *bound = (double *)(pairs + (int64_t)Ke * m->pairs); /* [K]: no number in a row is larger; a row of zeros costs nothing */
     int64_t row[TILES * W];
     vec top[TILES];
     double tops = 0.0, s = 1.0;
@@ -151,10 +150,10 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
                 for (int i = 0; i < BLOCK; i++) ((double *)tile)[k * BLOCK + i] = in[(from + i) * Kp + k];
             NAME(rows)(row, begin + from, begin + length);
             NAME(load)(m, job->frames, row, x);
-            NAME(moments)(m, pairs, tile, x, products);
+            NAME(moments)(m, pairs, tile, x);
         }
     }
-    NAME(add_lanes)(pairs, m->pairs, K, m->n_pairs, slot);
+    NAME(drain)(m, pairs, slot);
 }
 
 /* One tick of models/filtering.DurationFilter. Gives 0, with nothing changed, where that has to take over. */
