@@ -17,9 +17,9 @@ typedef float NAME(real);
 typedef int32_t NAME(whole);
 #define MANTISSA 23           /* bits of it */
 #define BIAS 127              /* of the exponent behind it */
-#define LEAST_EXPONENT -80.0f /* no density is smaller beside the best: a path may be lost, but not for good, see group */
-#define LEAST_LOG_DENSITY -1e30f
-#define FAINTEST -3e4f        /* below it the rounding of a log-density moves weights by 1 %: the sequence goes to float64 */
+#define LEAST_EXPONENT -115.0f /* no density is smaller beside the best: a path may be lost, but not for good, see group */
+#define LEAST_LOG_DENSITY (-1e30f * (float)M_LOG2E)
+#define FAINTEST -4e4f        /* below it the rounding of a log-density moves weights by 1 %: the sequence goes to float64 */
 #define LEAST_SCALE 1e-18f    /* half of the digits of the exponent: what was lost under 1e-38 is as far below */
 #define LEAST_SUM 1e-30f
 #define MOST_FUTURE 1e37f
@@ -29,8 +29,8 @@ typedef double NAME(real);
 typedef long long NAME(whole);
 #define MANTISSA 52
 #define BIAS 1023
-#define LEAST_EXPONENT -690.0
-#define LEAST_LOG_DENSITY -1e100 /* as in models/gaussian.py */
+#define LEAST_EXPONENT -995.0
+#define LEAST_LOG_DENSITY (-1e100 * M_LOG2E) /* as in models/gaussian.py */
 #define FAINTEST -INFINITY
 #define LEAST_SCALE 1e-280 /* below it what was lost under 1e-308 could matter: the sequence goes to the logarithmic twin */
 #define LEAST_SUM 1e-300
@@ -107,21 +107,21 @@ INLINE ivec NAME(mask)(unsigned bits) {
     return m;
 }
 
-/* exp(x) for LEAST_EXPONENT <= x <= 0, to 1e-13 (2e-7): 2^n (1 + r q(r)) with |r| <= log(2) / 2. q is the interpolation of
- * (exp(r) - 1) / r in 9 (6) Chebyshev nodes; the form makes exp(0) exactly 1. */
-INLINE vec NAME(exp)(vec x) {
+/* 2^x for LEAST_EXPONENT <= x <= 0, to 4e-14 (5e-9 and the rounding of float32): 2^n (1 + f q(f)) with |f| <= 1/2. q is the
+ * interpolation of (2^f - 1) / f in 9 (6) Chebyshev nodes; the form makes 2^0 exactly 1. Logarithms are to the base of 2 wherever
+ * they are many: then only the polynomial costs multiplications. */
+INLINE vec NAME(exp2)(vec x) {
 #ifdef SINGLE
-    const real q[] = {1.0f, 0.5f, 1.6666505e-1f, 4.1666467e-2f, 8.369149e-3f, 1.3933642e-3f};
+    const real q[] = {6.931472e-1f, 2.4022651e-1f, 5.550357e-2f, 9.618083e-3f, 1.3390863e-3f, 1.5453163e-4f};
 #else
-    const real q[] = {1.0, 0x1.fffffffff71cfp-2, 0x1.5555555553b7dp-3, 0x1.5555557428d91p-5, 0x1.1111111c45d5bp-7,
-                      0x1.6c164df443c8cp-10, 0x1.a019adabfb6abp-13, 0x1.a15a4f98eb4a5p-16, 0x1.72c720b2e07bfp-19};
+    const real q[] = {0x1.62e42fefa39efp-1, 0x1.ebfbdff823cedp-3, 0x1.c6b08d7047e52p-5, 0x1.3b2ab7181b755p-7, 0x1.5d87fe86fe88ep-10,
+                      0x1.4308ac85aa947p-13, 0x1.ffcb9515a8016p-17, 0x1.63d136366db24p-20, 0x1.b63880a30e9ffp-24};
 #endif
     const real magic = (real)3 * ((whole)1 << (MANTISSA - 1)); /* adding it leaves the nearest whole number in the low bits */
-    const vec shifted = x * (real)0x1.71547652b82fep0 + magic;
-    const vec r = x - (shifted - magic) * (real)0x1.62e42fefa39efp-1;
+    const vec shifted = x + magic, f = x - (shifted - magic);
     vec p = NAME(all)(q[sizeof q / sizeof *q - 1]);
-    for (int i = sizeof q / sizeof *q - 2; i >= 0; i--) p = p * r + q[i];
-    p = p * r + 1.0;
+    for (int i = sizeof q / sizeof *q - 2; i >= 0; i--) p = p * f + q[i];
+    p = p * f + 1.0;
     return (vec)((ivec)p + ((ivec)shifted << MANTISSA));
 }
 
@@ -153,8 +153,8 @@ FN void NAME(load)(const Model *m, const double *frames, const int64_t *row, vec
     }
 }
 
-/* log N(x; mu_k, Sigma_k) of a block: out [K][TILES]. The inverse Cholesky factor is a triangle: D^2 / 2 products. It and the centre
- * come times sqrt(1/2), so that z^2 is the exponent itself. */
+/* log2 N(x; mu_k, Sigma_k) of a block: out [K][TILES]. The inverse Cholesky factor is a triangle: D^2 / 2 products. It and the centre
+ * come times sqrt(log2(e) / 2), so that z^2 is the exponent itself. */
 FN void NAME(log_density)(const Model *m, const vec *x, vec *out) {
     const int D = m->D;
     const real *factor = m->factors, *centre = m->centres, *peak = m->peak;
@@ -181,12 +181,12 @@ FN void NAME(relative)(vec *b, int K, vec *top) {
     for (vec *at = b + TILES; at < b + K * TILES; at += TILES)
         for (int t = 0; t < TILES; t++) top[t] = NAME(larger)(top[t], at[t]);
     for (vec *at = b; at < b + K * TILES; at += TILES)
-        for (int t = 0; t < TILES; t++) at[t] = NAME(exp)(NAME(larger)(at[t] - top[t], NAME(all)(LEAST_EXPONENT)));
+        for (int t = 0; t < TILES; t++) at[t] = NAME(exp2)(NAME(larger)(at[t] - top[t], NAME(all)(LEAST_EXPONENT)));
 }
 
 /* Of the least relative density only a bound is known. Forwards it is none: this is taken off, of any other nothing (and a last digit
  * that a compiler rounds otherwise is a denormal). Backwards it counts, so that it is seen if it matters. */
-INLINE vec NAME(untold)(void) { return NAME(exp)(NAME(all)(LEAST_EXPONENT)); }
+INLINE vec NAME(untold)(void) { return NAME(exp2)(NAME(all)(LEAST_EXPONENT)); }
 
 /* Sum of logarithms, kept as a product whose exponent is taken off at each step: no log() in the loop. */
 typedef struct { vec mantissa; ivec exponent; double shift[W]; } NAME(LogSum);
@@ -200,7 +200,7 @@ INLINE void NAME(add_log)(LogSum *sum, vec factor, vec shift) {
 }
 
 static inline double NAME(take_log)(LogSum *sum, int lane) {
-    return log(sum->mantissa[lane]) + (double)sum->exponent[lane] * M_LN2 + sum->shift[lane];
+    return log(sum->mantissa[lane]) + ((double)sum->exponent[lane] + sum->shift[lane]) * M_LN2;
 }
 
 INLINE LogSum NAME(no_log)(void) { return (LogSum){NAME(all)(1.0), (ivec){0}, {0.0}}; }
@@ -452,14 +452,14 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
         before = alpha;
         for (int l = 0; l < W && seams[t]; l++)
             if (seams[t] >> l & 1) {
-                const double so_far = log(s[l]) + (double)exponent[l] * M_LN2 + shift[l];
+                const double so_far = log(s[l]) + ((double)exponent[l] + shift[l]) * M_LN2;
                 job->log_likelihood[job->order[next[l]]] += silent[t] >> l & 1 ? -so_far : so_far;
             }
         if (breaks[t + 1])
             for (int l = 0; l < W; l++)
                 if (breaks[t + 1] >> l & 1 && next[l] < lane[l + 1] && t < ends[l]) {
                     const int64_t piece = job->order[next[l]++];
-                    if (!(silent[t] >> l & 1)) job->log_likelihood[piece] += log(s[l]) + (double)exponent[l] * M_LN2 + shift[l];
+                    if (!(silent[t] >> l & 1)) job->log_likelihood[piece] += log(s[l]) + ((double)exponent[l] + shift[l]) * M_LN2;
                     any_failed |= job->failed[piece] = failed[l] != 0;
                     failed[l] = 0;
                     exponent[l] = (((ivec)r)[l] >> MANTISSA) - BIAS; /* so that the next line leaves nothing */
@@ -641,7 +641,7 @@ FN void NAME(alone)(const Job *job, int64_t piece, double *space, double *slot) 
         }
     }
     job->failed[piece] = 0;
-    job->log_likelihood[piece] = log(s) + (double)exponent * M_LN2 + tops;
+    job->log_likelihood[piece] = log(s) + ((double)exponent + tops) * M_LN2;
     double *transitions = slot + (int64_t)K * m->n_pairs, *first = transitions + K * K;
     memcpy(kept, slot, sizeof(double) * m->slot_size);
     vec brightest = {0};
@@ -729,7 +729,7 @@ FN void NAME(mixture)(const Job *job, int g, double *space, double *slot) {
         NAME(load)(m, job->frames, row, x);
         NAME(log_density)(m, x, tile);
         for (int k = 0; k < K; k++)
-            for (int i = 0; i < TILES; i++) tile[k * TILES + i] += log_weights[k];
+            for (int i = 0; i < TILES; i++) tile[k * TILES + i] += log_weights[k] * (real)M_LOG2E;
         NAME(relative)(tile, K, top);
         if (Ke > K) memset(tile + K * TILES, 0, sizeof(vec) * TILES);
         for (int i = 0; i < TILES; i++) {
@@ -780,7 +780,7 @@ FN void NAME(decode)(const Job *job, int64_t sequence, double *space, int64_t *p
                 now[j] = t > 0 ? top : ((const vec *)m->log_initial)[j];
                 for (int l = 0; l < W; l++) from[t * Kp + j * W + l] = (unsigned char)who[l];
             }
-            for (int k = 0; k < K; k++) b[k] += ((double *)tile)[k * TILES * W + t - t0];
+            for (int k = 0; k < K; k++) b[k] += M_LN2 * ((double *)tile)[k * TILES * W + t - t0];
             memcpy(best, now, sizeof(vec) * nv);
         }
     }
@@ -824,10 +824,10 @@ FN int NAME(tick)(Tick *f, const double *xi) {
     for (int l = 1; l < W; l++) best = tops[l] > best ? tops[l] : best;
     if (f->state[FRESH] != 0.0) memcpy(predicted, f->initial, sizeof(vec) * nv);
     else NAME(across)(predicted, f->weights, (const vec *)f->chain, K, nv);
-    const vec least = NAME(larger)(NAME(all)(-f->gate), NAME(all)(LEAST_EXPONENT));
+    const vec least = NAME(larger)(NAME(all)(-f->gate * M_LOG2E), NAME(all)(LEAST_EXPONENT));
     vec sums = {0}, largest = {0};
     for (int v = 0; v < nv; v++) {
-        h[v] = predicted[v] * NAME(exp)(NAME(larger)(log_b[v] - best, least));
+        h[v] = predicted[v] * NAME(exp2)(NAME(larger)((log_b[v] - best) * M_LOG2E, least));
         sums += h[v];
         largest = NAME(larger)(largest, h[v]);
     }
@@ -934,27 +934,28 @@ INLINE void NAME(blend)(vec *out, const vec *h, const real *matrix, int K, int c
  * frame without explanation from deciding alone, exactly as in a tick. */
 FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
     const Model *m = job->model;
-    const real *initial = m->initial, gate = (real)job->gate, dt = (real)job->dt;
+    const real *initial = m->initial, gate = (real)(job->gate * M_LOG2E), dt = (real)job->dt;
     const int K = m->K, Ke = m->Ke, D = m->D, d = job->n_axes, f = job->n_forces, n_in = d + f, BLOCK = TILES * W;
     const int64_t begin = (int64_t)g * BLOCK, T = job->length;
-    const int channels = 2 * d + f;
-    vec *now = (vec *)space;               /* [position, force, velocity][TILES] */
-    vec *x = now + TILES * channels;       /* [D + 1][TILES] */
+    vec *x = (vec *)space;                 /* [D + 1][TILES] */
     vec *b = x + TILES * (D + 1);          /* [Ke][TILES] */
     vec *h = b;                            /* the weights take the place of the densities */
     vec *next = b + TILES * Ke;            /* [columns][TILES]: the prediction, then lines */
     vec *forces = next + TILES * job->columns;     /* [RUN][f][TILES] */
     vec *positions = forces + RUN * f * TILES;     /* [RUN][d][TILES] */
-    vec *velocities = positions + RUN * d * TILES; /* [RUN][d][TILES] */
+    vec *velocities = positions + RUN * d * TILES; /* [RUN][d][TILES], and the last one of the run before */
+    vec *position = positions, *velocity = velocities + RUN * d * TILES;
     const vec least = NAME(larger)(NAME(all)(-gate), NAME(all)(LEAST_EXPONENT));
     int64_t who[TILES * W];
     for (int i = 0; i < BLOCK; i++) {
         who[i] = begin + i < job->n ? begin + i : job->n - 1; /* lanes left over repeat the last */
-        for (int a = 0; a < d; a++) ((real *)now)[a * BLOCK + i] = (real)job->start[who[i] * d + a];
-        for (int a = 0; a < d; a++) ((real *)now)[(n_in + a) * BLOCK + i] = 0;
+        for (int a = 0; a < d; a++) ((real *)position)[a * BLOCK + i] = (real)job->start[who[i] * d + a];
     }
+    memset(velocity, 0, sizeof(vec) * d * TILES);
     for (int k = 0; k < K; k++)
         for (int i = 0; i < TILES; i++) next[k * TILES + i] = NAME(all)(initial[k]);
+    vec scale[TILES]; /* of the weights: what they are linear in takes it later, and more cheaply */
+    for (int i = 0; i < TILES; i++) scale[i] = NAME(all)(1.0);
     for (int64_t t = 0; t < T; t++) { /* paths leave every RUN steps: to touch 192 rows at each would cost more than all arithmetic */
         const int run = (int)(t % RUN);
         if (run == 0)
@@ -963,32 +964,35 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
                 for (int l = 0; l < W; l++) from[l] = job->force + (who[i * W + l] * job->force_step + t) * f;
                 NAME(enter)(forces + i, from, f * (int)(T - t < RUN ? T - t : RUN));
             }
-        memcpy(now + d * TILES, forces + run * f * TILES, sizeof(vec) * f * TILES);
-        for (int c = 0; c < D; c++)
-            for (int i = 0; i < TILES; i++) x[c * TILES + i] = now[job->source[c] * TILES + i] - (real)m->origin[c];
+        const vec *force = forces + run * f * TILES;
+        for (int c = 0; c < D; c++) {
+            const int from = (int)job->source[c];
+            const vec *now = from < d ? position + from * TILES : from < n_in ? force + (from - d) * TILES : velocity + (from - n_in) * TILES;
+            for (int i = 0; i < TILES; i++) x[c * TILES + i] = now[i] - (real)m->origin[c];
+        }
         NAME(log_density)(m, x, b);
-        vec top[TILES], s[TILES] = {{0}};
+        vec top[TILES], sums[TILES] = {{0}};
         for (int i = 0; i < TILES; i++) top[i] = b[i];
         for (int k = 1; k < K; k++)
             for (int i = 0; i < TILES; i++) top[i] = NAME(larger)(top[i], b[k * TILES + i]);
         for (int k = 0; k < K; k++)
             for (int i = 0; i < TILES; i++) {
                 const vec lead = NAME(larger)(b[k * TILES + i] - top[i], least);
-                s[i] += h[k * TILES + i] = NAME(exp)(lead) * next[k * TILES + i];
+                sums[i] += h[k * TILES + i] = NAME(exp2)(lead) * (next[k * TILES + i] * scale[i]);
             }
-        for (int i = 0; i < TILES; i++) s[i] = 1.0 / NAME(larger)(s[i], NAME(all)(LEAST_SUM));
-        for (int k = 0; k < K; k++)
-            for (int i = 0; i < TILES; i++) h[k * TILES + i] *= s[i];
+        for (int i = 0; i < TILES; i++) scale[i] = 1.0 / NAME(larger)(sums[i], NAME(all)(LEAST_SUM));
         NAME(blend)(next, h, job->matrix, K, job->columns);
+        velocity = velocities + run * d * TILES;
         const vec *slope = next + K * TILES; /* [d][1 + n_in][TILES]: the states' lines, blended, and then at the input */
-        for (int o = 0; o < d; o++, slope += (1 + n_in) * TILES)
-            for (int i = 0; i < TILES; i++) {
-                vec y = slope[i];
-                for (int c = 0; c < n_in; c++) y += slope[(1 + c) * TILES + i] * now[c * TILES + i];
-                now[(n_in + o) * TILES + i] = y;
+        for (int o = 0; o < d; o++, slope += (1 + n_in) * TILES) {
+            vec y[TILES];
+            for (int i = 0; i < TILES; i++) y[i] = slope[i];
+            for (int c = 0; c < n_in; c++) {
+                const vec *in = c < d ? position + c * TILES : force + (c - d) * TILES;
+                for (int i = 0; i < TILES; i++) y[i] += slope[(1 + c) * TILES + i] * in[i];
             }
-        memcpy(positions + run * d * TILES, now, sizeof(vec) * d * TILES);
-        memcpy(velocities + run * d * TILES, now + n_in * TILES, sizeof(vec) * d * TILES);
+            for (int i = 0; i < TILES; i++) velocity[o * TILES + i] = y[i] * scale[i];
+        }
         if (run == RUN - 1 || t == T - 1)
             for (int i = 0; i < TILES; i++) {
                 double *x_to[W], *v_to[W];
@@ -1000,11 +1004,12 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
                 NAME(leave)(positions + i, x_to, (run + 1) * d);
                 NAME(leave)(velocities + i, v_to, (run + 1) * d);
             }
-        for (int o = 0; o < d; o++)
-            for (int i = 0; i < TILES; i++) now[o * TILES + i] += dt * now[(n_in + o) * TILES + i];
+        vec *next_position = positions + (run + 1) % RUN * d * TILES;
+        for (int i = 0; i < d * TILES; i++) next_position[i] = position[i] + dt * velocity[i];
+        position = next_position;
     }
     ivec lost = {0}; /* what is not finite stays so: the end tells */
-    for (int i = 0; i < d * TILES; i++) lost |= ~(now[i] - now[i] == NAME(all)(0));
+    for (int i = 0; i < d * TILES; i++) lost |= ~(position[i] - position[i] == NAME(all)(0));
     for (int l = 0; l < W; l++)
         if (lost[l]) atomic_store(job->lost, 1);
 }

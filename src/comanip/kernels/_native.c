@@ -20,9 +20,10 @@
 
 #ifndef M_LN2
 #define M_LN2 0.693147180559945309417
+#define M_LOG2E 1.44269504088896340736
 #endif
 
-#define ROOT_HALF 0.70710678118654752440
+#define TO_EXPONENT 0.84932180028801904272 /* sqrt(log2(e) / 2) */
 #define TILES 8               /* vectors in flight: a multiplication takes 4 cycles and 2 start in each */
 #define RUN 32                /* steps of a roll-out between visits to its own arrays; a multiple of any number of lanes */
 #define LINE 8                /* float64 numbers in a cache line */
@@ -334,10 +335,10 @@ static double *lay_out(const Level *level, Model *m, int D, int K, const double 
     double *forward_across = m->forward_across = carve(&free_from, (size_t)K * Kp);
     double *backward_across = m->backward_across = carve(&free_from, (size_t)K * Kp);
     memcpy(m->origin, origin, sizeof(double) * D);
-    memcpy(m->peak, peak, sizeof(double) * K);
+    for (int k = 0; k < K; k++) ((double *)m->peak)[k] = M_LOG2E * peak[k];
     for (int row = 0; row < K * D; row++) {
-        for (int e = 0; e <= row % D; e++) *packed++ = ROOT_HALF * factors[(size_t)row * D + e];
-        scaled_centres[row] = ROOT_HALF * centres[row];
+        for (int e = 0; e <= row % D; e++) *packed++ = TO_EXPONENT * factors[(size_t)row * D + e];
+        scaled_centres[row] = TO_EXPONENT * centres[row];
     }
     for (int i = 0; i < K; i++) log_first[i] = first[i] = initial[i];
     for (int i = 0; i < K && transition; i++)

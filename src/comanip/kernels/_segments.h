@@ -78,7 +78,7 @@ FN void NAME(segments)(const Job *job, int64_t sequence, double *space, double *
         r.bits = (2046LL << 52) - (r.bits & (2047LL << 52));
         scale[t] = r.number;
     }
-    job->log_likelihood[sequence] = log(s) + (double)exponent * M_LN2 + tops;
+    job->log_likelihood[sequence] = log(s) + ((double)exponent + tops) * M_LN2;
 
     memset(counts, 0, sizeof(double) * K * L);
     memset(steps, 0, sizeof(vec) * (K * nv + 3 * nv)); /* steps, value, onward, g */
