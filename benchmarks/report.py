@@ -198,8 +198,8 @@ K grows. Threads have a scale of their own.
 ## A learned model at work, ns a frame
 
 {scoring_table(results["scoring"])}
-Everybody in float64 on one core, and all find the same to 1e-8, or the run stops. comanip takes paths and posteriors one sequence
-after another, each with a call; the others take all at once.
+Everybody in float64 on one core, and all find the same to 1e-8, or the run stops. All take all
+sequences at once.
 
 ## Explicit durations: one E-step, and one tick of the filter
 

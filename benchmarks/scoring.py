@@ -24,8 +24,8 @@ def comanip(p: Problem) -> dict[str, Callable[[], Any]]:
     model = Hmm(p.initial, p.transition, p.means, p.covariances, tuple(f"c{i}" for i in range(p.frames.shape[1])))
     return {
         "log-likelihood": lambda: float(hmm.log_likelihood(model, p.sequences).sum()),
-        "best path": lambda: np.concatenate([hmm.viterbi(model, x) for x in p.sequences]),
-        "posteriors": lambda: np.concatenate([hmm.posteriors(model, x).weights for x in p.sequences]),
+        "best path": lambda: np.concatenate(hmm.viterbi_of_all(model, p.sequences)),
+        "posteriors": lambda: np.concatenate([found.weights for found in hmm.posteriors_of_all(model, p.sequences)]),
     }
 
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from comanip import kernels
 from comanip.models import baum_welch, gmm, hmm, hsmm
 from comanip.models.baum_welch import Chain
+from comanip.models.chains import best_path, log_of
 from comanip.models.filtering import ForwardFilter
 from comanip.models.gaussian import whitening
 from comanip.models.gmr import Regression
@@ -107,15 +108,19 @@ def test_likelihood_of_each_sequence(level, d, k, lengths, topology, n_threads, 
     np.testing.assert_allclose(found, hmm._log_likelihood(model, x, np.array(lengths)), rtol=1e-10)
 
 
-@examples(40)
-@given(levels, channels, states, st.integers(1, 200), topologies, seeds)
-def test_best_path(level, d, k, length, topology, seed):
+@examples(60)
+@given(levels, channels, states, lengths, topologies, threads, seeds)
+def test_best_paths(level, d, k, lengths, topology, n_threads, seed):
+    """Side by side, alone, and with their probabilities."""
     rng = np.random.default_rng(seed)
-    model, x = tame_hmm(rng, k, d, topology), 1.5 * rng.normal(size=(length, d))
+    model, x = tame_hmm(rng, k, d, topology), 1.5 * rng.normal(size=(sum(lengths), d))
+    log_initial, log_transition, white = log_of(model.initial), log_of(model.transition), model.whitening
     with running(level):
-        found = hmm.viterbi(model, x)
-    with running("numpy"):
-        np.testing.assert_array_equal(found, hmm.viterbi(model, x))
+        path, score = kernels.decode(x, np.array(lengths), log_initial, log_transition, white.arrays, n_threads=n_threads)
+    parts = np.split(white.log_density(x), np.cumsum(lengths)[:-1])
+    expected = [best_path(part, log_initial, log_transition) for part in parts]
+    np.testing.assert_array_equal(path, np.concatenate([p for p, _ in expected]))
+    np.testing.assert_allclose(score, [s for _, s in expected], rtol=1e-10)
 
 
 @examples(40)

@@ -203,6 +203,32 @@ def test_likelihood_and_best_path(level, d, k, monkeypatch):
         agree(posterior.weights, hmm.posteriors(model, x).weights)
 
 
+@pytest.mark.parametrize("n_threads", [1, 3])
+def test_many_sequences_together_are_as_each_alone(level, n_threads, monkeypatch):
+    rng = np.random.default_rng(4)
+    model = random_hmm(rng, 5, 3)
+    sequences = [hmm.sample(model, n, rng).frames for n in (30, 1, 200, 64, 7, 64, 90, 3, 3000, 12)]
+    sequences[3][5, 1] = np.nan  # the twins take this one, and its neighbours know nothing of it
+    together = (
+        hmm.viterbi_of_all(model, sequences, n_threads=n_threads),
+        hmm.posteriors_of_all(model, iter(sequences), n_threads=n_threads),
+        hmm.log_likelihood(model, sequences, n_threads=n_threads),
+    )
+    monkeypatch.setattr(kernels, "native", None)
+    for x, path, found, likelihood in zip(sequences, *together, strict=True):
+        np.testing.assert_array_equal(path, hmm.viterbi(model, x))
+        expected = hmm.posteriors(model, x)
+        agree(found.weights, expected.weights)
+        assert found.log_likelihood == pytest.approx(expected.log_likelihood, rel=1e-10)
+        assert likelihood == pytest.approx(expected.log_likelihood, rel=1e-10)
+
+
+@pytest.mark.parametrize("call", [hmm.viterbi_of_all, hmm.posteriors_of_all, hmm.log_likelihood])
+def test_no_sequence_at_all_is_said(call):
+    with pytest.raises(ParameterError, match="there is no sequence"):
+        call(random_hmm(np.random.default_rng(0), 2, 1), [])
+
+
 @pytest.mark.parametrize(("d", "k"), [(1, 1), (3, 5), (14, 10), (60, 3), (2, 64)])
 @pytest.mark.parametrize("options", [{}, {"transition_floor": 0.0, "gate": np.inf}, {"transition_floor": 0.0, "patience": 1}])
 def test_a_tick(level, d, k, options, monkeypatch):
@@ -298,7 +324,7 @@ def test_ten_thousand_calls_leave_no_memory_behind():
     def everything():
         kernels.e_step(lessons.z, lessons.groups, p.initial, p.transition, white)
         kernels.mixture(lessons.z, log_initial, white)
-        kernels.decode(lessons.z, log_initial, log_transition, white)
+        kernels.decode(lessons.z, lessons.lengths, log_initial, log_transition, white)
         ForwardFilter(model).step(lessons.z[0])
 
     for _ in range(100):

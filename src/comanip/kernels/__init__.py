@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .plan import Seating
+from .plan import WHOLE, Seating, plan
 
 ABSENT = "numpy: the compiled kernels are absent (no C compiler when comanip was installed), so all works, 10 to 50 times slower"
 
@@ -65,38 +65,47 @@ def e_step(
     *,
     n_threads: int = 1,
     single: bool = False,
+    faintest: float = -np.inf,
 ) -> Sums:
     """E-step over frames (N, D); `white` is (origin, factors, centres, log_peak) of the states' densities.
 
     Threads share groups of sequences; the sums are added in the same order whatever their number, so the bits are the same.
-    `single` computes in float32, in which more sequences fail; the groups must be planned for it.
+    `single` computes in float32, in which more sequences fail; the groups must be planned for it. A sequence fails, too, with a
+    frame to which every state gives a log-density below `faintest`.
     """
     d, k, s = len(white[0]), len(white[3]), len(groups.plan.first) - 1
     out = Sums(np.empty((k, d + 1, d + 1)), np.empty((k, k)), np.empty(k), np.empty(s), np.empty(s, dtype=bool))
-    _e_step(frames, groups, (initial, transition, *white), (*out, None), n_threads, single)
+    _e_step(frames, groups, (initial, transition, *white), (*out, None), n_threads, single, faintest)
     return out
 
 
 def posteriors(frames: np.ndarray, groups: Seating, initial: np.ndarray, transition: np.ndarray, white: tuple[np.ndarray, ...],
-               *, n_threads: int = 1, single: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+               *, n_threads: int = 1, single: bool = False, faintest: float = -np.inf,
+               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """γ (N, K), log-likelihood (S,) of each sequence, and (S,) whether it failed and is for the twin."""
     found, failed = np.empty(len(groups.plan.first) - 1), np.empty(len(groups.plan.first) - 1, dtype=bool)
     weights = np.zeros((len(frames), len(initial)))
-    _e_step(frames, groups, (initial, transition, *white), (None, None, None, found, failed, weights), n_threads, single)
+    _e_step(
+        frames, groups, (initial, transition, *white), (None, None, None, found, failed, weights), n_threads, single, faintest
+    )
     return weights, found, failed
 
 
 def likelihoods(frames: np.ndarray, groups: Seating, initial: np.ndarray, transition: np.ndarray, white: tuple[np.ndarray, ...],
-                *, n_threads: int = 1, single: bool = False) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+                *, n_threads: int = 1, single: bool = False, faintest: float = -np.inf,
+                ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """The same without γ."""
     found, failed = np.empty(len(groups.plan.first) - 1), np.empty(len(groups.plan.first) - 1, dtype=bool)
-    _e_step(frames, groups, (initial, transition, *white), (None, None, None, found, failed, None), n_threads, single)
+    _e_step(frames, groups, (initial, transition, *white), (None, None, None, found, failed, None), n_threads, single, faintest)
     return found, failed
 
 
-def _e_step(frames: np.ndarray, groups: Seating, model: tuple[np.ndarray, ...], out: Any, n_threads: int, single: bool) -> None:
+def _e_step(
+    frames: np.ndarray, groups: Seating, model: tuple[np.ndarray, ...], out: Any, n_threads: int, single: bool, faintest: float
+) -> None:
     """Where pieces of a sequence disagree at a seam, all is done once more, with that sequence cut more carefully."""
-    while native.e_step(*_in_order(frames, *groups.plan, *model), *out, n_threads, single) and groups.mend(out[4]):
+    options = (n_threads, single, faintest)
+    while native.e_step(*_in_order(frames, *groups.plan, *model), *out, options) and groups.mend(out[4]):
         pass
 
 
@@ -154,11 +163,13 @@ def mixture(frames: np.ndarray, log_weights: np.ndarray, white: tuple[np.ndarray
     return total, moments, gamma
 
 
-def decode(frames: np.ndarray, log_initial: np.ndarray, log_transition: np.ndarray, white: tuple[np.ndarray, ...]) -> np.ndarray:
-    """Viterbi path (N,) of one sequence; at most 256 states."""
-    path = np.empty(len(frames), dtype=np.int64)
-    native.decode(*_in_order(frames, log_initial, log_transition, *white), path)
-    return path
+def decode(frames: np.ndarray, lengths: np.ndarray, log_initial: np.ndarray, log_transition: np.ndarray,
+           white: tuple[np.ndarray, ...], *, n_threads: int = 1) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Viterbi: the best states (N,) of all frames, and the logarithm (S,) of each sequence's joint probability with them."""
+    path, score = np.empty(len(frames), dtype=np.int64), np.empty(len(lengths))
+    groups = plan(lengths, native.lanes(), np.full(len(lengths), WHOLE))
+    native.decode(*_in_order(frames, *groups, log_initial, log_transition, *white), path, score, n_threads)
+    return path, score
 
 
 def rollouts(start: np.ndarray, force: np.ndarray, source: np.ndarray, initial: np.ndarray, chain: np.ndarray,

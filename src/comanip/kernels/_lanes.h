@@ -294,6 +294,28 @@ FN void NAME(drain)(const Model *m, vec *sums, double *slot) {
     }
 }
 
+/* n <= W numbers. The usual n = W has a branch of its own: then a compiler needs no call. */
+INLINE void NAME(put)(double *to, vec v, int n) {
+    const NAME(wide) all = __builtin_convertvector(v, NAME(wide));
+    if (n == W) memcpy(to, &all, sizeof all);
+    else for (int i = 0; i < n; i++) to[i] = v[i];
+}
+
+/* n rows of a block [n][TILES] leave for each lane's own array, where they are n numbers side by side; for no lane where it is NULL. */
+INLINE void NAME(leave)(const vec *block, double *const *to, int n) {
+    for (int c = 0; c < n; c += W) {
+        const int some = n - c < W ? n - c : W;
+        vec a[W];
+        for (int r = 0; r < W; r++) a[r] = block[(c + r) * TILES];
+        NAME(transpose)(a);
+        for (int l = 0; l < W; l++) {
+            if (!to[l]) continue;
+            NAME(put)(to[l] + c, a[l], some);
+            for (int i = c; i < c + W; i += LINE) __builtin_prefetch(to[l] + n + i + LINE, 1);
+        }
+    }
+}
+
 /* -------------------------------------------------------------------------------------- sequences side by side */
 
 /* s[j] = sum_i in[i] matrix[i][j] for n columns, in every lane; `in` is a column of a block. */
@@ -419,6 +441,7 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
     int any_failed = 0;
     vec r = NAME(all)(1.0), top[TILES];
     const vec untold = NAME(untold)(), anywhere = NAME(all)((real)1.0 / K); /* where a piece begins inside its sequence */
+    const vec faintest = NAME(larger)(NAME(all)((real)(job->faintest * M_LOG2E)), NAME(all)(FAINTEST));
     double shift[W] = {0.0};
     memset(futures, 0, sizeof(vec) * TILES * Ke); /* serves as alpha before the first frame */
     const vec *before = futures;
@@ -444,7 +467,7 @@ FN void NAME(group)(const Job *job, int g, double *space, double *slot) {
             for (int k = 0; k < K; k++) alpha[k * TILES] = (vec)(alive & (ivec)alpha[k * TILES]);
             s = SELECT(alive, s, NAME(all)(1.0));
         }
-        const ivec fine = (s >= LEAST_SCALE) & (top[t % TILES] >= FAINTEST); /* false for NaN, too */
+        const ivec fine = (s >= LEAST_SCALE) & (top[t % TILES] >= faintest); /* false for NaN, too */
         failed |= ~fine;
         s = SELECT(fine, s, NAME(all)(1.0));
         scale[t] = r = (vec)(2 * ONE - ((ivec)s & (2 * ONE + ((whole)1 << MANTISSA))));
@@ -531,10 +554,12 @@ backwards:
             brightest = (vec)(~anew & (ivec)brightest);
             for (int k = 0; k < Ke; k++) vt[k * TILES] = (vec)(~anew & (ivec)vt[k * TILES]);
         }
-        if (job->weights)
+        if (job->weights) {
+            double *to[W];
             for (int l = 0; l < W; l++)
-                if (row[t * W + l] >= 0 && !(silent[t] >> l & 1))
-                    for (int k = 0; k < K; k++) job->weights[row[t * W + l] * K + k] = gamma[k * TILES][l];
+                to[l] = row[t * W + l] >= 0 && !(silent[t] >> l & 1) ? job->weights + row[t * W + l] * K : NULL;
+            NAME(leave)(gamma, to, K);
+        }
         if (!job->statistics) continue;
         if (tile == 0) {
             NAME(outer)(steps, Ke, block, Ke, spare, Ke);
@@ -631,7 +656,7 @@ FN void NAME(alone)(const Job *job, int64_t piece, double *space, double *slot) 
             for (int i = 0; i < nv; i++) sums += at[i] *= (b[t * nv + i] - untold) * r.number;
             exponent -= (r.bits >> MANTISSA) - BIAS;
             s = NAME(sum)(sums);
-            if (!(s >= LEAST_SCALE && ((real *)top)[t - t0] >= FAINTEST)) {
+            if (!(s >= LEAST_SCALE && ((real *)top)[t - t0] >= FAINTEST && ((real *)top)[t - t0] >= job->faintest * M_LOG2E)) {
                 job->failed[piece] = 1;
                 return;
             }
@@ -753,45 +778,134 @@ FN void NAME(mixture)(const Job *job, int g, double *space, double *slot) {
 }
 
 #ifndef SINGLE
-/* Viterbi of one sequence: lanes across frames for densities, across states for the best way here. Of equally good ways the first. */
-FN void NAME(decode)(const Job *job, int64_t sequence, double *space, int64_t *path, double *score) {
+/* Viterbi. Forwards only the scores of the best ways are kept, [length][K]; from which state a way came is asked again for the states
+ * of the path alone: the same sums, so the same answer. Of equally good ways the first. */
+
+/* out[j] = max_i in[i] + matrix[i][j] for n columns, in every lane. */
+INLINE void NAME(arrivals)(vec *out, const vec *in, const real *matrix, int K, ptrdiff_t stride, const int n) {
+    vec s[6];
+    for (int j = 0; j < n; j++) s[j] = *in + matrix[j];
+    for (const vec *end = in++ + K; matrix += stride, in < end; in++)
+        for (int j = 0; j < n; j++) s[j] = NAME(larger)(*in + matrix[j], s[j]);
+    for (int j = 0; j < n; j++) out[j] = s[j];
+}
+
+/* Whole sequences side by side. */
+FN void NAME(paths)(const Job *job, int g, double *space) {
+    const Model *m = job->model;
+    const int K = m->K, Ke = m->Ke;
+    const real *log_initial = m->log_initial, *log_forward = m->forward;
+    const int64_t *lane = job->lanes + (int64_t)g * W;
+    int64_t length = 0, next[W], last[W];
+    for (int l = 0; l < W; l++) {
+        int64_t n = 0;
+        for (int64_t o = lane[l]; o < lane[l + 1]; o++) n += job->pieces[job->order[o]].end - job->pieces[job->order[o]].begin;
+        length = n > length ? n : length;
+        next[l] = lane[l + 1];
+    }
+    length = (length + TILES - 1) / TILES * TILES;
+    vec *x = (vec *)space;                  /* [D + 1][TILES] */
+    vec *b = x + TILES * (m->D + 1);        /* [Ke][TILES] */
+    vec *best = b + TILES * Ke;             /* [length][Ke] */
+    int64_t *row = (int64_t *)(best + length * Ke);   /* [length][W] */
+    uint16_t *breaks = (uint16_t *)(row + length * W); /* [length + 1] lanes in which a sequence begins, or one has ended */
+    memset(row, 0xff, sizeof(int64_t) * length * W);
+    memset(breaks, 0, sizeof *breaks * (length + 1));
+    for (int l = 0; l < W; l++) {
+        int64_t t = 0;
+        for (int64_t o = lane[l]; o < lane[l + 1]; o++) {
+            const Piece *p = &job->pieces[job->order[o]];
+            breaks[t] |= 1 << l;
+            for (int64_t r = p->begin; r < p->end; r++, t++) row[t * W + l] = r;
+        }
+        breaks[t] |= 1 << l;
+    }
+    for (int64_t t = 0; t < length; t++) {
+        vec *now = best + t * Ke;
+        if (t % TILES == 0) {
+            NAME(load)(m, job->frames, row + t * W, x);
+            NAME(log_density)(m, x, b);
+        }
+        int j = 0;
+        for (; t > 0 && j + 6 <= Ke; j += 6) NAME(arrivals)(now + j, now - Ke, log_forward + j, K, Ke, 6);
+        for (; t > 0 && j < Ke; j += 2) NAME(arrivals)(now + j, now - Ke, log_forward + j, K, Ke, 2);
+        if (breaks[t] || t == 0) {
+            const ivec anew = t > 0 ? NAME(mask)(breaks[t]) : ~(ivec){0};
+            for (int k = 0; k < K; k++) now[k] = SELECT(anew, NAME(all)(log_initial[k]), now[k]);
+        }
+        for (int k = 0; k < K; k++) now[k] += M_LN2 * b[k * TILES + t % TILES];
+    }
+    ivec state = {0};
+    for (int64_t t = length - 1; t >= 0; t--) {
+        const vec *now = best + t * Ke, *before = now - Ke;
+        if (breaks[t + 1] || t == length - 1)
+            for (int l = 0; l < W; l++)
+                if (row[t * W + l] >= 0 && (t == length - 1 || breaks[t + 1] >> l & 1)) {
+                    state[l] = 0;
+                    for (int k = 1; k < K; k++)
+                        if (now[k][l] > now[state[l]][l]) state[l] = k;
+                    job->log_likelihood[job->order[--next[l]]] = now[state[l]][l];
+                }
+        for (int l = 0; l < W; l++) {
+            if (row[t * W + l] >= 0) job->path[row[t * W + l]] = state[l];
+            last[l] = state[l];
+        }
+        if (t == 0) break;
+        vec top = NAME(all)(-INFINITY);
+        state = (ivec){0};
+        for (int i = 0; i < K; i++) {
+#define AT(l) log_forward[i * Ke + last[l]]
+            const vec way = before[i] + EACH(AT);
+#undef AT
+            const ivec better = way > top;
+            top = SELECT(better, way, top);
+            state = (better & i) | (~better & state);
+        }
+    }
+}
+
+/* One sequence: lanes across frames for densities, across states for the scores. */
+FN void NAME(path_alone)(const Job *job, int64_t sequence, double *space) {
     const Model *m = job->model;
     const int K = m->K, Ke = m->Ke, nv = m->nv, Kp = nv * W, BLOCK = TILES * W;
-    const int64_t begin = job->starts[sequence], end = job->starts[sequence + 1], length = end - begin;
+    const int64_t begin = job->pieces[sequence].begin, end = job->pieces[sequence].end, length = end - begin;
     const vec *log_forward = (const vec *)m->forward_across;
-    vec *x = (vec *)space, *tile = x + TILES * (m->D + 1), *best = tile + TILES * Ke, *now = best + nv;
-    unsigned char *from = (unsigned char *)(now + nv); /* [length][Kp] */
+    vec *x = (vec *)space, *tile = x + TILES * (m->D + 1), *best = tile + TILES * Ke; /* [length][nv] */
     int64_t row[TILES * W];
     for (int64_t t0 = 0; t0 < length; t0 += BLOCK) {
         NAME(rows)(row, begin + t0, end);
         NAME(load)(m, job->frames, row, x);
         NAME(log_density)(m, x, tile);
         for (int64_t t = t0; t < t0 + BLOCK && t < length; t++) {
-            double *b = (double *)now;
-            for (int j = 0; j < nv; j++) {
-                vec top = NAME(all)(-INFINITY);
-                ivec who = {0};
-                for (int i = 0; t > 0 && i < K; i++) {
-                    const vec way = ((double *)best)[i] + log_forward[i * nv + j];
-                    const ivec better = way > top;
-                    top = SELECT(better, way, top);
-                    who = (better & i) | (~better & who);
+            vec *now = best + t * nv;
+            const real *before = (const real *)(now - nv);
+            for (int v = 0; t > 0 && v < nv; v++) {
+                vec even = before[0] + log_forward[v], odd = even;
+                for (int i = 1; i + 1 < K; i += 2) {
+                    odd = NAME(larger)(before[i] + log_forward[i * nv + v], odd);
+                    even = NAME(larger)(before[i + 1] + log_forward[(i + 1) * nv + v], even);
                 }
-                now[j] = t > 0 ? top : ((const vec *)m->log_initial)[j];
-                for (int l = 0; l < W; l++) from[t * Kp + j * W + l] = (unsigned char)who[l];
+                if (K % 2 == 0) odd = NAME(larger)(before[K - 1] + log_forward[(K - 1) * nv + v], odd);
+                now[v] = NAME(larger)(even, odd);
             }
-            for (int k = 0; k < K; k++) b[k] += M_LN2 * ((double *)tile)[k * TILES * W + t - t0];
-            memcpy(best, now, sizeof(vec) * nv);
+            if (t == 0) memcpy(now, m->log_initial, sizeof(vec) * nv);
+            for (int k = 0; k < K; k++) ((real *)now)[k] += M_LN2 * ((real *)tile)[k * BLOCK + t - t0];
         }
     }
-    const double *last = (double *)best;
+    const real *now = (const real *)(best + (length - 1) * nv);
     int state = 0;
     for (int k = 1; k < K; k++)
-        if (last[k] > last[state]) state = k;
-    *score = last[state];
-    for (int64_t t = length - 1; t >= 0; t--) {
-        path[begin + t] = state;
-        state = from[t * Kp + state];
+        if (now[k] > now[state]) state = k;
+    job->log_likelihood[sequence] = now[state];
+    for (int64_t t = length - 1;; t--) {
+        job->path[begin + t] = state;
+        if (t == 0) break;
+        const real *before = now - Kp, *way = (const real *)m->backward_across + state * Kp;
+        real top = before[0] + way[0];
+        now = before;
+        state = 0;
+        for (int i = 1; i < K; i++)
+            if (before[i] + way[i] > top) top = before[i] + way[i], state = i;
     }
 }
 
@@ -866,13 +980,6 @@ FN void NAME(line)(const Line *r, const double *weights, const double *x, double
 
 /* -------------------------------------------------------------------------------------------------- roll-outs */
 
-/* n <= W numbers. The usual n = W has a branch of its own: then a compiler needs no call. */
-INLINE void NAME(put)(double *to, vec v, int n) {
-    const NAME(wide) all = __builtin_convertvector(v, NAME(wide));
-    if (n == W) memcpy(to, &all, sizeof all);
-    else for (int i = 0; i < n; i++) to[i] = v[i];
-}
-
 INLINE vec NAME(take)(const double *from, int n) {
     NAME(wide) all = {0};
     if (n == W) memcpy(&all, from, sizeof all);
@@ -880,21 +987,7 @@ INLINE vec NAME(take)(const double *from, int n) {
     return __builtin_convertvector(all, vec);
 }
 
-/* n rows of a block [n][TILES] leave for each lane's own array, where they are n numbers side by side. */
-INLINE void NAME(leave)(const vec *block, double *const *to, int n) {
-    for (int c = 0; c < n; c += W) {
-        const int some = n - c < W ? n - c : W;
-        vec a[W];
-        for (int r = 0; r < W; r++) a[r] = block[(c + r) * TILES];
-        NAME(transpose)(a);
-        for (int l = 0; l < W && to[l]; l++) {
-            NAME(put)(to[l] + c, a[l], some);
-            for (int i = c; i < c + W; i += LINE) __builtin_prefetch(to[l] + n + i + LINE, 1);
-        }
-    }
-}
-
-/* And the way back. */
+/* As `leave`, the way back. */
 INLINE void NAME(enter)(vec *block, const double *const *from, int n) {
     for (int c = 0; c < n; c += W) {
         const int some = n - c < W ? n - c : W;
@@ -1016,9 +1109,9 @@ FN void NAME(rollouts)(const Rollouts *job, int g, double *space) {
 
 static const Level NAME(level) = {
 #ifdef SINGLE
-    LEVEL_NAME, W, sizeof(vec) / sizeof(double), NULL, NAME(group), NAME(alone), NAME(mixture), NULL, NULL, NULL, NAME(rollouts),
+    LEVEL_NAME, W, sizeof(vec) / sizeof(double), NULL, NAME(group), NAME(alone), NAME(mixture), NULL, NULL, NULL, NULL, NAME(rollouts),
 #else
-    LEVEL_NAME, W, W, &SINGLE_LEVEL, NAME(group), NAME(alone), NAME(mixture), NAME(decode), NAME(tick), NAME(line), NAME(rollouts),
+    LEVEL_NAME, W, W, &SINGLE_LEVEL, NAME(group), NAME(alone), NAME(mixture), NAME(paths), NAME(path_alone), NAME(tick), NAME(line), NAME(rollouts),
 #endif
 };
 

@@ -59,14 +59,16 @@ typedef struct {
     const Model *model;
     const double *frames;
     int64_t n_frames;
-    const int64_t *starts;  /* (S + 1) rows where sequences begin, of an Hsmm and of a decoding */
+    const int64_t *starts;  /* (S + 1) rows where sequences begin, of an Hsmm */
     const Piece *pieces;
     const int64_t *order;   /* pieces, lane by lane */
     const int64_t *lanes;   /* (groups W + 1) where lanes begin in `order` */
     double *log_likelihood, *weights; /* of each piece */
+    int64_t *path;          /* asks for nothing but the best path, with `log_likelihood` that of the path */
     double *seams;          /* (P, 2, 2, K) alpha and beta of a piece before what counts, and at its last frame that counts */
     unsigned char *failed;  /* pieces */
     int statistics;
+    double faintest;         /* a frame with no state of a larger log-density leaves its sequence to the twin */
     const double *durations; /* (K, longest) of an Hsmm, else NULL */
     int longest;
 } Job;
@@ -102,7 +104,8 @@ typedef struct Level {
     void (*group)(const Job *, int, double *, double *);
     void (*alone)(const Job *, int64_t, double *, double *);
     void (*mixture)(const Job *, int, double *, double *);
-    void (*decode)(const Job *, int64_t, double *, int64_t *, double *);
+    void (*paths)(const Job *, int, double *);
+    void (*path_alone)(const Job *, int64_t, double *);
     int (*tick)(Tick *, const double *);
     void (*line)(const Line *, const double *, const double *, double *);
     void (*rollouts)(const Rollouts *, int, double *);
@@ -386,9 +389,12 @@ static void *work(void *argument) {
                 continue;
             }
             const int64_t *lane = w->mixture || w->rollouts ? NULL : w->job->lanes + (int64_t)g * lanes;
+            const int64_t only = lane && lane[lanes] - lane[0] == 1 ? w->job->order[lane[0]] : -1;
             if (w->rollouts) w->level->rollouts(w->rollouts, g, space);
             else if (w->mixture) w->level->mixture(w->job, g, space, slot);
-            else if (lane[lanes] - lane[0] == 1 && is_whole(&w->job->pieces[w->job->order[lane[0]]])) w->level->alone(w->job, w->job->order[lane[0]], space, slot);
+            else if (w->job->path && only >= 0) w->level->path_alone(w->job, only, space);
+            else if (w->job->path) w->level->paths(w->job, g, space);
+            else if (only >= 0 && is_whole(&w->job->pieces[only])) w->level->alone(w->job, only, space, slot);
             else w->level->group(w->job, g, space, slot);
         }
     restore(mode);
@@ -500,9 +506,11 @@ static PyObject *e_step(PyObject *self, PyObject *args) {
     PyObject *frames, *first_piece, *pieces, *order, *lanes, *initial, *transition, *origin, *factors, *centres, *peak, *moments, *transitions,
         *first, *log_likelihood, *failed, *weights;
     int n_threads, single;
+    double faintest;
     (void)self;
-    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOOOOOOOii", &frames, &first_piece, &pieces, &order, &lanes, &initial, &transition, &origin,
-                          &factors, &centres, &peak, &moments, &transitions, &first, &log_likelihood, &failed, &weights, &n_threads, &single))
+    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOOOOOOO(iid)", &frames, &first_piece, &pieces, &order, &lanes, &initial, &transition, &origin,
+                          &factors, &centres, &peak, &moments, &transitions, &first, &log_likelihood, &failed, &weights, &n_threads, &single,
+                          &faintest))
         return NULL;
     const Level *level = single ? active->single : active;
     const Py_ssize_t D = count_of(origin), K = count_of(peak), S = count_of(first_piece) - 1, n_order = count_of(order);
@@ -514,7 +522,7 @@ static PyObject *e_step(PyObject *self, PyObject *args) {
     PyObject *result = NULL;
     Model model;
     const int statistics = moments != Py_None;
-    Job job = {.model = &model, .n_frames = N, .statistics = statistics};
+    Job job = {.model = &model, .n_frames = N, .statistics = statistics, .faintest = faintest};
     job.frames = NUMBERS(frames, N * D);
     const int64_t *first_of = NUMBERS(first_piece, S + 1);
     job.pieces = NUMBERS(pieces, P * 4);
@@ -615,39 +623,49 @@ done:
 }
 
 static PyObject *decode(PyObject *self, PyObject *args) {
-    PyObject *frames, *log_initial, *log_transition, *origin, *factors, *centres, *peak, *path;
+    PyObject *frames, *first_piece, *pieces, *order, *lanes, *log_initial, *log_transition, *origin, *factors, *centres, *peak, *path, *score;
+    int n_threads;
     (void)self;
-    if (!PyArg_ParseTuple(args, "OOOOOOOO", &frames, &log_initial, &log_transition, &origin, &factors, &centres, &peak, &path))
+    if (!PyArg_ParseTuple(args, "OOOOOOOOOOOOOi", &frames, &first_piece, &pieces, &order, &lanes, &log_initial, &log_transition, &origin,
+                          &factors, &centres, &peak, &path, &score, &n_threads))
         return NULL;
-    const Py_ssize_t D = count_of(origin), K = count_of(peak), N = D > 0 ? count_of(frames) / D : 0;
+    const Py_ssize_t D = count_of(origin), K = count_of(peak), S = count_of(first_piece) - 1, n_order = count_of(order);
+    const Py_ssize_t n_lanes = count_of(lanes) - 1, N = D > 0 ? count_of(frames) / D : 0;
     if (PyErr_Occurred()) return NULL;
-    if (D < 1 || K < 1 || K > 256 || N < 1) return PyErr_Format(PyExc_ValueError, "nothing to do, or more than 256 states");
+    if (D < 1 || K < 1 || S < 1 || n_lanes < active->lanes || n_lanes % active->lanes)
+        return PyErr_Format(PyExc_ValueError, "nothing to do, or a plan for other lanes than %d", active->lanes);
     Arrays arrays = {.n = 0};
     PyObject *result = NULL;
     Model model;
-    const int64_t starts[] = {0, N};
-    Job job = {.model = &model, .n_frames = N, .starts = starts};
+    Job job = {.model = &model, .n_frames = N};
     job.frames = NUMBERS(frames, N * D);
+    const int64_t *first_of = NUMBERS(first_piece, S + 1);
+    job.pieces = NUMBERS(pieces, S * 4);
+    job.order = NUMBERS(order, n_order);
+    job.lanes = NUMBERS(lanes, n_lanes + 1);
     const double *pi = NUMBERS(log_initial, K), *a = NUMBERS(log_transition, K * K), *o = NUMBERS(origin, D);
     const double *f = NUMBERS(factors, K * D * D), *c = NUMBERS(centres, K * D), *p = NUMBERS(peak, K);
-    int64_t *states = RESULT(path, N);
-    double *block = NULL, score = 0.0;
+    job.path = RESULT(path, N);
+    job.log_likelihood = RESULT(score, S);
+    double *block = NULL;
     if (PyErr_Occurred()) goto done;
+    if (!plan_is_sound(&job, first_of, S, S, n_order, n_lanes)) {
+        PyErr_SetString(PyExc_ValueError, "the plan does not fit the sequences, or cuts one");
+        goto done;
+    }
     block = lay_out(active, &model, (int)D, (int)K, o, f, c, p, pi, a);
-    const size_t size = block ? common_space(&model, active) + ((size_t)N * model.nv * active->lanes) / 8 + 64 : 0;
-    double *space = block ? take_space(size) : NULL;
-    if (!space) {
+    Work w = {.job = &job, .level = active, .n_groups = (int)(n_lanes / active->lanes)};
+    w.n_slots = w.n_groups;
+    for (int g = 0; block && g < w.n_groups; g++) {
+        const size_t size = space_of(&job, g, active);
+        w.space_size = size > w.space_size ? size : w.space_size;
+    }
+    if (!block || run(&w, n_threads) < 0) {
         PyErr_NoMemory();
         goto done;
     }
-    const Level *level = active;
-    Py_BEGIN_ALLOW_THREADS
-    const Mode mode = flush_denormals();
-    level->decode(&job, 0, space, states, &score);
-    restore(mode);
-    Py_END_ALLOW_THREADS
-    give_space(space);
-    result = PyFloat_FromDouble(score);
+    give_space(w.space);
+    result = Py_NewRef(Py_None);
 done:
     free(block);
     release(&arrays);
@@ -1164,7 +1182,7 @@ static PyMethodDef functions[] = {
     {"e_step", e_step, METH_VARARGS, "Expectations of a hidden Markov model over planned groups; True when a sequence needs the twin."},
     {"segments", segments, METH_VARARGS, "Expectations of a hidden semi-Markov model; sequences marked as failed need the twin."},
     {"mixture", mixture, METH_VARARGS, "Moments of a mixture and the log-likelihood of all frames."},
-    {"decode", decode, METH_VARARGS, "Viterbi path of one sequence; gives its log-probability."},
+    {"decode", decode, METH_VARARGS, "Viterbi paths of sequences, and their log-probabilities."},
     {"rollouts", rollouts, METH_VARARGS, "Many roll-outs of a learned velocity law; False when one is not finite."},
     {"levels", levels, METH_NOARGS, "Instruction sets that run here, fastest first."},
     {"level", level, METH_NOARGS, "The instruction set in use."},

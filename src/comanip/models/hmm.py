@@ -100,27 +100,26 @@ class Posteriors(NamedTuple):
     log_likelihood: float
 
 
-def log_likelihood(model: Hmm, sequences: Iterable[Any], *, precision: str = "float64") -> Array:
+def log_likelihood(model: Hmm, sequences: Iterable[Any], *, precision: str = "float64", n_threads: int = 1) -> Array:
     """log p(ξ_1..ξ_T | model) of each sequence, (S,). NaN channels are integrated out.
 
     −inf means that no allowed path explains the sequence. Densities carry units: compare models, not units.
     precision "float32" is for much data: up to twice as fast, to 1e-6 of the value and 1e-5 a frame. What it cannot resolve (a
     sequence far from every state, a state far from the others) is taken in float64; without compiled kernels all is.
     """
-    single = in_float32(precision)
-    arrays = [frames_of(model, x) for x in sequences]
-    lengths = np.array([len(x) for x in arrays])
-    frames = np.concatenate(arrays)
-    if kernels.native is None or np.isnan(frames).any():
-        return _log_likelihood(model, frames, lengths)
-    white = model.whitening
-    single = single and suits_float32(white, model.means, model.covariances)
-    groups = kernels.planned(lengths, single=single)
-    found, failed = kernels.likelihoods(frames, groups, model.initial, model.transition, white.arrays, single=single)
-    if failed.any() and single:
-        found[failed] = log_likelihood(model, [x for x, again in zip(arrays, failed, strict=True) if again])
-    elif failed.any():
-        found[failed] = _log_likelihood(model, frames[np.repeat(failed, lengths)], lengths[failed])
+    single = in_float32(precision) and suits_float32(model.whitening, model.means, model.covariances)
+    frames, lengths, missing = _stacked(model, sequences)
+    left, found = np.ones(len(lengths), dtype=bool), np.empty(len(lengths))
+    for narrow in (True, False) if single else (False,):
+        chosen = left & ~missing
+        if chosen.any():
+            part, groups = frames[_rows(chosen, lengths)], kernels.planned(lengths[chosen], single=narrow)
+            white = model.whitening.arrays
+            found[chosen], left[chosen] = kernels.likelihoods(
+                part, groups, model.initial, model.transition, white, single=narrow, n_threads=n_threads
+            )
+    if left.any():
+        found[left] = _log_likelihood(model, frames[_rows(left, lengths)], lengths[left])
     return found
 
 
@@ -141,25 +140,66 @@ def forward_backward(model: Hmm, sequence: Any) -> tuple[Array, Array, float]:
 
 def posteriors(model: Hmm, sequence: Any) -> Posteriors:
     """γ_t(i) of one sequence (T, D): uses the future too, so it is for analysis; `ForwardFilter` is for running."""
-    frames = frames_of(model, sequence)
-    if kernels.native is not None and not np.isnan(frames).any():
-        white = model.whitening.arrays
-        groups = kernels.planned(np.array([len(frames)]))
-        weights, likelihood, failed = kernels.posteriors(frames, groups, model.initial, model.transition, white)
-        if not failed[0]:
-            return Posteriors(weights, float(likelihood[0]))
-    log_b = log_density(frames, model.means, model.covariances)[None]
-    found = chains.expectations(log_b, np.array([log_b.shape[1]]), chains.log_of(model.initial), chains.log_of(model.transition))
-    return Posteriors(found.weights, float(found.log_likelihood[0]))
+    return posteriors_of_all(model, [sequence])[0]
+
+
+def posteriors_of_all(model: Hmm, sequences: Iterable[Any], *, n_threads: int = 1) -> list[Posteriors]:
+    """The same of many sequences together, which is quicker than one after another."""
+    frames, lengths, left = _stacked(model, sequences)
+    if left.all():
+        weights, likelihood = np.empty((len(frames), model.n_states)), np.empty(len(lengths))
+    else:
+        groups, white = kernels.planned(lengths), model.whitening.arrays
+        weights, likelihood, failed = kernels.posteriors(
+            frames, groups, model.initial, model.transition, white, n_threads=n_threads
+        )
+        left |= failed
+    if left.any():
+        rows = _rows(left, lengths)
+        log_b = chains.padded(log_density(frames[rows], model.means, model.covariances), lengths[left])
+        twin = chains.expectations(log_b, lengths[left], chains.log_of(model.initial), chains.log_of(model.transition))
+        weights[rows], likelihood[left] = twin.weights, twin.log_likelihood
+    parts = np.split(weights, np.cumsum(lengths)[:-1])
+    return [Posteriors(part, float(one)) for part, one in zip(parts, likelihood, strict=True)]
 
 
 def viterbi(model: Hmm, sequence: Any) -> np.ndarray:
     """The most likely states (T,), integers, of one sequence (T, D)."""
-    frames = frames_of(model, sequence)
+    return viterbi_of_all(model, [sequence])[0]
+
+
+def viterbi_of_all(model: Hmm, sequences: Iterable[Any], *, n_threads: int = 1) -> list[np.ndarray]:
+    """The same of many sequences together, which is quicker than one after another."""
+    frames, lengths, left = _stacked(model, sequences)
     log_initial, log_transition = chains.log_of(model.initial), chains.log_of(model.transition)
-    if kernels.native is not None and model.n_states <= 256 and not np.isnan(frames).any():
-        return kernels.decode(frames, log_initial, log_transition, model.whitening.arrays)
-    return chains.best_path(log_density(frames, model.means, model.covariances), log_initial, log_transition)[0]
+    if left.all():
+        states = np.empty(len(frames), dtype=np.int64)
+    else:
+        states, _ = kernels.decode(frames, lengths, log_initial, log_transition, model.whitening.arrays, n_threads=n_threads)
+    paths = np.split(states, np.cumsum(lengths)[:-1])
+    cuts = np.concatenate([[0], np.cumsum(lengths)])
+    for s in np.flatnonzero(left):
+        log_b = log_density(frames[cuts[s] : cuts[s + 1]], model.means, model.covariances)
+        paths[s][:] = chains.best_path(log_b, log_initial, log_transition)[0]
+    return paths
+
+
+def _stacked(model: Hmm, sequences: Iterable[Any]) -> tuple[Array, np.ndarray, np.ndarray]:
+    """Frames (N, D) of all sequences, their lengths (S,), and which (S,) are left to the twins: something is missing in them."""
+    arrays = [frames_of(model, x) for x in sequences]
+    if not arrays:
+        raise ParameterError("there is no sequence; give at least one, each (T, D)")
+    frames, lengths = np.concatenate(arrays), np.array([len(x) for x in arrays])
+    if kernels.native is None:
+        return frames, lengths, np.ones(len(arrays), dtype=bool)
+    if not np.isnan(frames.sum()):  # much quicker than to look at each
+        return frames, lengths, np.zeros(len(arrays), dtype=bool)
+    return frames, lengths, np.array([bool(np.isnan(x).any()) for x in arrays])
+
+
+def _rows(chosen: np.ndarray, lengths: np.ndarray) -> Any:
+    """Index of the frames of the chosen sequences (S,)."""
+    return slice(None) if chosen.all() else np.repeat(chosen, lengths)
 
 
 class Sample(NamedTuple):

@@ -15,16 +15,19 @@ from typing import Any
 
 import numpy as np
 
+from ... import kernels
 from ...interfaces import Array
 from .. import chains
-from ..gaussian import log_density, regularised
-from ..learning import k_means
+from ..gaussian import Whitening, regularised, whitening
+from ..learning import k_means, moments_about
 from .base import Estimator, EstimatorError, checked_features, checked_samples, not_fitted, random_state
 from .covariance_types import COVARIANCE_TYPES, checked_covariances, compressed, expanded
 from .monitor import ConvergenceMonitor
 
 _log = logging.getLogger(__name__)
 K_MEANS_STARTS = 10
+SCALING_LIMIT = -745.0  # exp of it is the last number above 0
+MOST_APART = 1e4  # squared distance of a state from the moments' origin over its variance: further out they lose digits
 
 
 class GaussianHMM(Estimator):
@@ -59,7 +62,7 @@ class GaussianHMM(Estimator):
         init_params: str = "stmc",
         implementation: str = "log",
     ) -> None:
-        """`implementation`: both compute in the log domain; "scaling" keeps refusing frames that no state explains."""
+        """`implementation`: both compute the same; "scaling" keeps refusing frames that no state explains."""
         self.n_components = n_components
         self.covariance_type = covariance_type
         self.min_covar = min_covar
@@ -130,10 +133,12 @@ class GaussianHMM(Estimator):
             vars(self).pop("_monitor", None)
         monitor = self.monitor_
         monitor._reset()
+        groups = None if kernels.native is None else kernels.planned(lengths)
         for _ in range(self.n_iter):
-            found = self._expect(x, lengths)
-            self._maximise(x, found)
-            monitor.report(float(found.log_likelihood.sum()))
+            white = self._whitening()
+            sums = self._expect(x, lengths, groups, white)
+            self._maximise(x, lengths, sums, white)
+            monitor.report(float(sums.log_likelihood.sum()))
             if monitor.converged:
                 break
         self.n_features_in_ = x.shape[1]
@@ -181,37 +186,72 @@ class GaussianHMM(Estimator):
         if self.means_.ndim != 2 or len(self.means_) != n:
             raise EstimatorError(f"means_ must have shape ({n}, n_features); got {self.means_.shape}")
 
-    def _expect(self, x: Array, lengths: np.ndarray) -> chains.Expectations:
-        log_b = self._log_b(x)
-        padded = chains.padded(log_b, lengths)
-        return chains.expectations(padded, lengths, chains.log_of(self.startprob_), chains.log_of(self.transmat_))
+    def _whitening(self) -> Whitening:
+        return whitening(self.means_, regularised(self.covars_, self.means_))
 
-    def _log_b(self, x: Array) -> Array:
-        covariances = regularised(self.covars_, self.means_)
-        log_b = log_density(x, self.means_, covariances)
-        if self.implementation == "scaling" and (log_b.max(axis=1) < -745.0).any():  # exp(-745) is the last above 0
-            frame = int(log_b.max(axis=1).argmin())
+    @property
+    def _faintest(self) -> float:
+        return SCALING_LIMIT if self.implementation == "scaling" else -np.inf
+
+    def _expect(self, x: Array, lengths: np.ndarray, groups: Any, white: Whitening) -> kernels.Sums:
+        """The sums that the M-step needs, compiled where that is possible."""
+        if kernels.native is None:
+            return self._twin(x, lengths, np.ones(len(lengths), dtype=bool), white)[0]
+        sums = kernels.e_step(x, groups, self.startprob_, self.transmat_, white.arrays, faintest=self._faintest)
+        if not sums.failed.any():
+            return sums
+        rest, _ = self._twin(x, lengths, sums.failed, white)
+        sums.log_likelihood[sums.failed] = rest.log_likelihood
+        return sums._replace(
+            moments=sums.moments + rest.moments, transitions=sums.transitions + rest.transitions, first=sums.first + rest.first
+        )
+
+    def _twin(self, x: Array, lengths: np.ndarray, chosen: np.ndarray, white: Whitening) -> tuple[kernels.Sums, Array]:
+        """The same and γ of the chosen sequences (S,), in numpy and in the log domain."""
+        rows = np.flatnonzero(np.repeat(chosen, lengths))
+        x, lengths = x[rows], lengths[chosen]
+        log_b = white.log_density(x)
+        if (log_b.max(axis=1) < self._faintest).any():
+            frame = int(rows[log_b.max(axis=1).argmin()])
             raise EstimatorError(f"implementation='scaling' cannot represent frame {frame}, which no state explains; use 'log'")
-        return log_b
+        e = chains.expectations(
+            chains.padded(log_b, lengths), lengths, chains.log_of(self.startprob_), chains.log_of(self.transmat_)
+        )
+        moments, done = moments_about(white.origin, x, e.weights), np.zeros(len(lengths), dtype=bool)
+        return kernels.Sums(moments, e.transitions, e.first, e.log_likelihood, done), e.weights
 
-    def _maximise(self, x: Array, found: chains.Expectations) -> None:
+    def _posteriors(self, x: Array, lengths: np.ndarray) -> tuple[Array, Array]:
+        """γ (N, K), and the log-likelihood (S,)."""
+        white = self._whitening()
+        if kernels.native is None:
+            sums, weights = self._twin(x, lengths, np.ones(len(lengths), dtype=bool), white)
+            return weights, sums.log_likelihood
+        weights, found, failed = kernels.posteriors(
+            x, kernels.planned(lengths), self.startprob_, self.transmat_, white.arrays, faintest=self._faintest
+        )
+        if failed.any():
+            sums, weights[np.repeat(failed, lengths)] = self._twin(x, lengths, failed, white)
+            found[failed] = sums.log_likelihood
+        return weights, found
+
+    def _maximise(self, x: Array, lengths: np.ndarray, sums: kernels.Sums, white: Whitening) -> None:
         """Maximum a posteriori: Dirichlet, normal, inverse gamma or Wishart priors, with hmmlearn's parameters."""
-        gamma = found.weights
-        occupancy = gamma.sum(axis=0)
+        before = self._posteriors(x, lengths)[0] if "c" in self.params and _loses_digits(sums.moments) else None
+        occupancy = sums.moments[:, -1, -1]
         if "s" in self.params:
-            self.startprob_ = _with_prior(found.first, self.startprob_prior, self.startprob_)
+            self.startprob_ = _with_prior(sums.first, self.startprob_prior, self.startprob_)
         if "t" in self.params:
-            self.transmat_ = _with_prior(found.transitions, self.transmat_prior, self.transmat_)
+            self.transmat_ = _with_prior(sums.transitions, self.transmat_prior, self.transmat_)
         prior, weight = np.asarray(self.means_prior, dtype=np.float64), self.means_weight
         if "m" in self.params:
             total = weight + occupancy
-            means = (weight * prior + gamma.T @ x) / np.maximum(total, 1e-300)[:, None]
+            summed = sums.moments[:, :-1, -1] + occupancy[:, None] * white.origin
+            means = (weight * prior + summed) / np.maximum(total, 1e-300)[:, None]
             self.means_ = np.where(total[:, None] > 1e-10, means, self.means_)
         if "c" in self.params:
-            scatter = np.empty((self.n_components, x.shape[1], x.shape[1]))
-            for i, mean in enumerate(self.means_):
-                centred = x - mean
-                scatter[i] = (centred * gamma[:, i : i + 1]).T @ centred
+            scatter = (
+                _scatter(sums.moments, self.means_ - white.origin) if before is None else _exact_scatter(x, before, self.means_)
+            )
             apart = self.means_ - prior
             scatter += weight * apart[:, :, None] * apart[:, None, :]
             self._covars_ = self._most_likely_covariances(scatter, occupancy)
@@ -237,14 +277,21 @@ class GaussianHMM(Estimator):
 
     def score_samples(self, X: Any, lengths: Any = None) -> tuple[float, Array]:
         """Log-likelihood of all of X, and posteriors (n_samples, K)."""
-        x, lengths = self._ready(X, lengths)
-        found = self._expect(x, lengths)
-        return float(found.log_likelihood.sum()), found.weights
+        weights, found = self._posteriors(*self._ready(X, lengths))
+        return float(found.sum()), weights
 
     def score(self, X: Any, lengths: Any = None) -> float:
         """Log-likelihood of all of X. A target y in place of `lengths` is ignored, as in `fit`."""
         x, lengths = self._ready(X, lengths, target_allowed=True)
-        return float(self._expect(x, lengths).log_likelihood.sum())
+        white = self._whitening()
+        if kernels.native is None:
+            return float(self._twin(x, lengths, np.ones(len(lengths), dtype=bool), white)[0].log_likelihood.sum())
+        found, failed = kernels.likelihoods(
+            x, kernels.planned(lengths), self.startprob_, self.transmat_, white.arrays, faintest=self._faintest
+        )
+        if failed.any():
+            found[failed] = self._twin(x, lengths, failed, white)[0].log_likelihood
+        return float(found.sum())
 
     def predict_proba(self, X: Any, lengths: Any = None) -> Array:
         """Posteriors (n_samples, K)."""
@@ -255,12 +302,15 @@ class GaussianHMM(Estimator):
         x, lengths = self._ready(X, lengths)
         algorithm = algorithm or self.algorithm
         if algorithm == "map":
-            weights = self._expect(x, lengths).weights
+            weights, _ = self._posteriors(x, lengths)
             return float(weights.max(axis=1).sum()), weights.argmax(axis=1)
         if algorithm != "viterbi":
             raise EstimatorError(f"algorithm must be 'viterbi' or 'map'; got {algorithm!r}")
-        log_initial, log_transition = chains.log_of(self.startprob_), chains.log_of(self.transmat_)
-        parts = np.split(self._log_b(x), np.cumsum(lengths)[:-1])
+        log_initial, log_transition, white = chains.log_of(self.startprob_), chains.log_of(self.transmat_), self._whitening()
+        if kernels.native is not None:
+            states, scores = kernels.decode(x, lengths, log_initial, log_transition, white.arrays)
+            return float(scores.sum()), states
+        parts = np.split(white.log_density(x), np.cumsum(lengths)[:-1])
         paths = [chains.best_path(part, log_initial, log_transition) for part in parts]
         return sum(score for _, score in paths), np.concatenate([path for path, _ in paths])
 
@@ -349,3 +399,26 @@ def _with_prior(counts: Array, prior: Any, before: Array) -> Array:
     rows = np.where(before == 0.0, 0.0, np.maximum(np.asarray(prior) - 1.0 + counts, 0.0))
     total = rows.sum(axis=-1, keepdims=True)
     return np.where(total > 0.0, rows / np.where(total > 0.0, total, 1.0), before)
+
+
+def _loses_digits(moments: Array) -> bool:
+    """Whether a state is so far from the origin of the moments, in its own standard deviations, that its scatter is a small
+    difference of large numbers."""
+    occupancy = np.maximum(moments[:, -1, -1], 1e-300)
+    squared = moments[:, :-1, -1] ** 2 / occupancy[:, None]
+    scatter = np.einsum("kii->ki", moments[:, :-1, :-1]) - squared
+    return bool((squared > MOST_APART * scatter)[moments[:, -1, -1] > 1e-10].any())
+
+
+def _scatter(moments: Array, means: Array) -> Array:
+    """Σ_t γ_t(i) (x_t − μ_i)(x_t − μ_i)ᵀ, (K, D, D), from moments; μ_i seen from their origin."""
+    first, occupancy = moments[:, :-1, -1], moments[:, -1, -1, None, None]
+    cross = first[:, :, None] * means[:, None, :]
+    scatter = moments[:, :-1, :-1] - cross - np.swapaxes(cross, 1, 2) + occupancy * means[:, :, None] * means[:, None, :]
+    return 0.5 * (scatter + np.swapaxes(scatter, 1, 2))
+
+
+def _exact_scatter(x: Array, weights: Array, means: Array) -> Array:
+    """The same from the frames."""
+    centred = (x - mean for mean in means)
+    return np.array([(c * w[:, None]).T @ c for c, w in zip(centred, weights.T, strict=True)])
