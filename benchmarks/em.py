@@ -56,11 +56,22 @@ def comanip_numpy(p: Problem) -> Callable[[], float]:
 
 
 def hmmlearn(p: Problem) -> Callable[[], float]:
-    """Scaling mode, its faster one; its floor and priors set to nothing, so that it does the same work."""
     from hmmlearn.hmm import GaussianHMM
 
+    return fitted(GaussianHMM, p)
+
+
+def comanip_estimator(p: Problem) -> Callable[[], float]:
+    from comanip import GaussianHMM
+
+    return fitted(GaussianHMM, p)
+
+
+def fitted(estimator: Any, p: Problem) -> Callable[[], float]:
+    """Scaling mode, hmmlearn's faster one; its floor and priors set to nothing, so that it does the same work."""
+
     def iterate() -> float:
-        m = GaussianHMM(
+        m = estimator(
             len(p.initial), "full", min_covar=0.0, covars_prior=0.0, covars_weight=0.0, n_iter=1, init_params="",
             implementation="scaling", tol=-np.inf,
         )  # fmt: skip
@@ -160,6 +171,7 @@ def measure() -> list[dict[str, Any]]:
             "comanip, 2 threads": lambda p: on_all_cores(comanip(p, 2)),
             "comanip, float32": lambda p: comanip(p, single=True),
             "comanip, numpy twin": comanip_numpy,
+            "comanip.GaussianHMM": comanip_estimator,
             "hmmlearn": hmmlearn,
         }
         if equal:

@@ -1,14 +1,18 @@
-"""`GaussianHMM` runs on the compiled kernels and answers as it does without them."""
+"""The peers' interfaces run on the compiled kernels and answer as they do without them."""
 
 import numpy as np
 import pytest
 
 from comanip import kernels
+from comanip.models import gmm as mixtures
 from comanip.models import hmm
 from comanip.models.estimators import gaussian_hmm
+from comanip.models.estimators import gmm as gmm_module
 from comanip.models.estimators.base import EstimatorError
 from comanip.models.estimators.gaussian_hmm import GaussianHMM
-from toys import random_hmm
+from comanip.models.estimators.gmm import GMM
+from comanip.models.gmr import regress
+from toys import random_gmm, random_hmm
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
 
@@ -77,7 +81,7 @@ def test_covariances_of_states_far_apart_keep_their_digits():
 def test_sums_of_all_frames_would_not_be_enough_there(monkeypatch):
     """Else nobody would notice when the frames are never asked."""
     m, x, labels = far_apart()
-    monkeypatch.setattr(gaussian_hmm, "_loses_digits", lambda _: False)
+    monkeypatch.setattr(gaussian_hmm, "loses_digits", lambda _: False)
     m.fit(x, LENGTHS)
     expected = np.array([np.cov(x[labels == k].T, bias=True) for k in range(3)])
     assert np.abs(m.covars_ / expected - 1.0).max() > 1e-9
@@ -121,3 +125,43 @@ def test_what_leaves_float64_goes_to_the_twin(monkeypatch):
     monkeypatch.setattr(kernels, "native", None)
     for a, b in zip(found, ask(), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("options", [{}, {"oracle_approximating_shrinkage": True}, {"init_params": "kmeans++"}])
+@pytest.mark.parametrize("offset", [0.0, 1e5])
+def test_a_mixture_is_as_without_them(level, options, offset, monkeypatch):
+    x = data() + offset
+
+    def ask():
+        m = GMM(3, random_state=0).from_samples(x, n_iter=6, R_diff=0.0, **options)
+        return m.priors, m.means, m.covariances, m.to_responsibilities(x), m.predict([1], x[:, 1:])
+
+    with monkeypatch.context() as patch:
+        patch.setattr(gmm_module, "normalised", no_twin)
+        found = ask()
+    monkeypatch.setattr(kernels, "native", None)
+    for a, b in zip(found, ask(), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-9)
+
+
+def test_a_mixture_of_components_far_apart_keeps_its_digits():
+    _, x, labels = far_apart()
+    start = np.array([x[labels == k][0] for k in range(3)])
+    m = GMM(3, np.full(3, 1 / 3), start, np.array([np.eye(2)] * 3)).from_samples(x, n_iter=1)
+    expected = np.array([np.cov(x[labels == k].T, bias=True) for k in range(3)])
+    np.testing.assert_allclose(m.covariances, expected, rtol=1e-10)
+
+
+def test_shares_with_something_missing_are_those_of_the_twin(level, monkeypatch):
+    rng = np.random.default_rng(1)
+    model = random_gmm(rng, 4, 3)
+    x = rng.normal(size=(70, 3))
+    whole = mixtures.responsibilities(model, x), regress(model, "c0", "c1", x[:, :1], weights="mixture-with-priors").mean
+    x[5, 1] = np.nan
+    found = mixtures.responsibilities(model, x)
+    np.testing.assert_allclose(np.delete(found, 5, axis=0), np.delete(whole[0], 5, axis=0), rtol=1e-10)
+    monkeypatch.setattr(kernels, "native", None)
+    np.testing.assert_array_equal(found, mixtures.responsibilities(model, x))
+    twin = regress(model, "c0", "c1", x[:, :1], weights="mixture-with-priors").mean
+    np.testing.assert_allclose(whole[1], twin, rtol=1e-10)
+    assert mixtures.responsibilities(model, np.empty((0, 3))).shape == (0, 4)

@@ -56,11 +56,22 @@ class Whitening:
         z = np.clip(x - self.origin, -FARTHEST, FARTHEST) @ self.factors.T - self.centres
         np.clip(z, -FARTHEST, FARTHEST, out=z)
         z *= z
-        return z.reshape(len(x), self.n_states, -1).sum(axis=2)
+        return z.reshape(len(x), self.n_states, len(self.origin)).sum(axis=2)
 
     def log_density(self, x: Array) -> Array:
         """log N(x; μ_i, Σ_i) as (N, K) for x (N, D)."""
         return np.maximum(self.log_peak - 0.5 * self.distances(x), LEAST_LOG_DENSITY)
+
+
+def shares(x: Array, means: Array, covariances: Array, log_weights: Array | float = 0.0) -> Array:
+    """w_i N(x_n; μ_i, Σ_i) / Σ_j w_j N(x_n; μ_j, Σ_j) as (N, K), compiled where possible; NaN in x as in `log_density`."""
+    x = np.asarray(x, dtype=np.float64)
+    if kernels.native is None or not np.isfinite(x.sum()) or not len(x):
+        return normalised(log_density(x, means, covariances) + log_weights)
+    weights = np.zeros(len(means)) + log_weights
+    found = kernels.mixture(x, weights, whitening(means, covariances).arrays, weights=True)[2]
+    assert found is not None
+    return found
 
 
 def in_float32(precision: str) -> bool:

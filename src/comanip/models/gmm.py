@@ -19,6 +19,7 @@ from .gaussian import (
     log_sum_exp,
     normalised,
     probabilities,
+    shares,
     suits_float32,
     whitening,
 )
@@ -67,7 +68,7 @@ class Gmm:
 
 def responsibilities(model: Gmm, x: Any) -> Array:
     """p(state i | x_n), (N, K), for frames x (N, D); NaN channels are integrated out."""
-    return normalised(_joint(model, x))
+    return shares(_frames(model, x), model.means, model.covariances, np.log(np.maximum(model.weights, 1e-300)))
 
 
 def log_likelihood(model: Gmm, x: Any) -> Array:

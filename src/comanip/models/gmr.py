@@ -15,7 +15,7 @@ from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from ..recording import expand
 from .filtering import ForwardFilter
-from .gaussian import log_density, marginal, normalised
+from .gaussian import log_density, marginal, shares
 from .gmm import Gmm
 from .hmm import Hmm
 
@@ -128,6 +128,10 @@ class Regression:
         """log N(x; μ_i^I, Σ_i^{II}) of the inputs alone, (N, K) for x (N, Di); `input_noise` included."""
         return log_density(x, self._input_means, self._input_covariances)
 
+    def shares(self, x: Array, log_weights: Array | float = 0.0) -> Array:
+        """h_i ∝ w_i N(x; μ_i^I, Σ_i^{II}), eq. (7) with priors, (N, K) for x (N, Di)."""
+        return shares(x, self._input_means, self._input_covariances, log_weights)
+
 
 def regress(
     model: Hmm | Gmm,
@@ -160,9 +164,9 @@ def _weights(regression: Regression, x: Array, weights: str | Array) -> Array:
             raise ParameterError(f"weights must be ({len(x)}, {model.n_states}); got {h.shape}")
         return h
     if weights == "mixture":
-        return normalised(regression.log_density(x))
+        return regression.shares(x)
     if weights == "mixture-with-priors" and isinstance(model, Gmm):
-        return normalised(regression.log_density(x) + np.log(np.maximum(model.weights, 1e-300)))
+        return regression.shares(x, np.log(np.maximum(model.weights, 1e-300)))
     if weights == "forward" and isinstance(model, Hmm):
         forward = ForwardFilter(model, channels=regression.inputs)
         return np.array([forward.step(row).copy() for row in x]).reshape(len(x), model.n_states)

@@ -18,6 +18,7 @@ Parameters = TypeVar("Parameters")
 Statistics = TypeVar("Statistics")
 
 UNVISITED = 0.1  # [frames] a state that explains less than this in all demonstrations together is removed
+MOST_APART = 1e4  # squared distance of a state from its moments' origin over its variance: further out digits are lost
 FALL = 1e-9  # relative fall of the likelihood that is rounding; more is a defect
 
 
@@ -186,6 +187,29 @@ def moments_about(origin: Array, z: Array, weights: Array) -> Array:
     return np.stack([(extended * w[:, None]).T @ extended for w in weights.T])
 
 
+def loses_digits(moments: Array) -> bool:
+    """Whether a state is so far from the origin of its moments, in its own standard deviations, that its scatter is a small
+    difference of large numbers."""
+    occupancy = moments[:, -1, -1]
+    squared = moments[:, :-1, -1] ** 2 / np.maximum(occupancy, 1e-300)[:, None]
+    scatter = np.einsum("kii->ki", moments[:, :-1, :-1]) - squared
+    return bool((squared > MOST_APART * scatter)[occupancy > 1e-10].any())
+
+
+def scatter_of_moments(moments: Array, means: Array) -> Array:
+    """Σ_n w_ni (z_n − μ_i)(z_n − μ_i)ᵀ, (K, D, D), from `moments_about` an origin, from which the means (K, D) are seen, too."""
+    cross = moments[:, :-1, -1, None] * means[:, None, :]
+    squares = moments[:, -1, -1, None, None] * means[:, :, None] * means[:, None, :]
+    scatter = moments[:, :-1, :-1] - cross - np.swapaxes(cross, 1, 2) + squares
+    return 0.5 * (scatter + np.swapaxes(scatter, 1, 2))
+
+
+def scatter_of_frames(z: Array, weights: Array, means: Array) -> Array:
+    """The same from frames (N, D) and weights (N, K), with all digits wherever the states are."""
+    centred = (z - mean for mean in means)
+    return np.array([(c * w[:, None]).T @ c for c, w in zip(centred, weights.T, strict=True)])
+
+
 def gaussians_of_moments(moments: Array, origin: Array, floor: float, before: tuple[Array, Array]) -> tuple[Array, Array]:
     """M-step from `moments_about`: centres (K, D), covariances (K, D, D). A state with no weight keeps what it had `before`."""
     occupancy = moments[:, -1, -1]
@@ -215,6 +239,7 @@ def time_bins(lessons: Lessons, n_states: int, rng: np.random.Generator | None =
 
 def k_means(z: Array, n_clusters: int, rng: np.random.Generator, max_iterations: int = 100) -> np.ndarray:
     """Labels (N,) by Lloyd's iterations from a k-means++ start."""
+    z = z - z.mean(axis=0)  # far from zero the products below would lose the distances
     centres = z[rng.integers(len(z))][None, :].copy()
     nearest = ((z - centres) ** 2).sum(axis=1)
     while len(centres) < n_clusters:
@@ -224,14 +249,14 @@ def k_means(z: Array, n_clusters: int, rng: np.random.Generator, max_iterations:
         nearest = np.minimum(nearest, ((z - chosen) ** 2).sum(axis=1))
     labels = np.full(len(z), -1)
     for _ in range(max_iterations):
-        distance = ((z[:, None, :] - centres[None, :, :]) ** 2).sum(axis=2)
-        previous, labels = labels, distance.argmin(axis=1)
+        nearness = z @ centres.T - 0.5 * (centres**2).sum(axis=1)  # (|z|² - distance²) / 2
+        previous, labels = labels, nearness.argmax(axis=1)
         if (labels == previous).all():
             break
         for i in range(n_clusters):
             mine = labels == i
             # an empty cluster takes the frame that is served worst
-            centres[i] = z[mine].mean(axis=0) if mine.any() else z[distance.min(axis=1).argmax()]
+            centres[i] = z[mine].mean(axis=0) if mine.any() else z[((z**2).sum(axis=1) - 2.0 * nearness.max(axis=1)).argmax()]
     return labels
 
 

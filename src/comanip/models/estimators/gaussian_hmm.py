@@ -19,15 +19,14 @@ from ... import kernels
 from ...interfaces import Array
 from .. import chains
 from ..gaussian import Whitening, regularised, whitening
-from ..learning import k_means, moments_about
+from ..learning import k_means, loses_digits, moments_about, scatter_of_frames, scatter_of_moments
 from .base import Estimator, EstimatorError, checked_features, checked_samples, not_fitted, random_state
 from .covariance_types import COVARIANCE_TYPES, checked_covariances, compressed, expanded
 from .monitor import ConvergenceMonitor
 
 _log = logging.getLogger(__name__)
-K_MEANS_STARTS = 10
+K_MEANS_STARTS, K_MEANS_FRAMES = 10, 10_000
 SCALING_LIMIT = -745.0  # exp of it is the last number above 0
-MOST_APART = 1e4  # squared distance of a state from the moments' origin over its variance: further out they lose digits
 
 
 class GaussianHMM(Estimator):
@@ -234,9 +233,10 @@ class GaussianHMM(Estimator):
             found[failed] = sums.log_likelihood
         return weights, found
 
+    @np.errstate(under="ignore")
     def _maximise(self, x: Array, lengths: np.ndarray, sums: kernels.Sums, white: Whitening) -> None:
         """Maximum a posteriori: Dirichlet, normal, inverse gamma or Wishart priors, with hmmlearn's parameters."""
-        before = self._posteriors(x, lengths)[0] if "c" in self.params and _loses_digits(sums.moments) else None
+        weights = self._posteriors(x, lengths)[0] if "c" in self.params and loses_digits(sums.moments) else None
         occupancy = sums.moments[:, -1, -1]
         if "s" in self.params:
             self.startprob_ = _with_prior(sums.first, self.startprob_prior, self.startprob_)
@@ -249,9 +249,10 @@ class GaussianHMM(Estimator):
             means = (weight * prior + summed) / np.maximum(total, 1e-300)[:, None]
             self.means_ = np.where(total[:, None] > 1e-10, means, self.means_)
         if "c" in self.params:
-            scatter = (
-                _scatter(sums.moments, self.means_ - white.origin) if before is None else _exact_scatter(x, before, self.means_)
-            )
+            if weights is None:
+                scatter = scatter_of_moments(sums.moments, self.means_ - white.origin)
+            else:
+                scatter = scatter_of_frames(x, weights, self.means_)
             apart = self.means_ - prior
             scatter += weight * apart[:, :, None] * apart[:, None, :]
             self._covars_ = self._most_likely_covariances(scatter, occupancy)
@@ -383,7 +384,9 @@ _random_state = random_state  # `sample` has an argument of that name
 
 
 def _centres(x: Array, n: int, rng: np.random.Generator) -> Array:
-    """k-means centres (n, D): the tightest of several starts."""
+    """k-means centres (n, D): the tightest of several starts. Of very many frames some are enough, drawn at random."""
+    if len(x) > K_MEANS_FRAMES:
+        x = x[rng.choice(len(x), K_MEANS_FRAMES, replace=False)]
     best, least = x[:1].repeat(n, axis=0), np.inf
     for _ in range(K_MEANS_STARTS if len(x) > n else 1):
         labels = k_means(x, n, rng)
@@ -399,26 +402,3 @@ def _with_prior(counts: Array, prior: Any, before: Array) -> Array:
     rows = np.where(before == 0.0, 0.0, np.maximum(np.asarray(prior) - 1.0 + counts, 0.0))
     total = rows.sum(axis=-1, keepdims=True)
     return np.where(total > 0.0, rows / np.where(total > 0.0, total, 1.0), before)
-
-
-def _loses_digits(moments: Array) -> bool:
-    """Whether a state is so far from the origin of the moments, in its own standard deviations, that its scatter is a small
-    difference of large numbers."""
-    occupancy = np.maximum(moments[:, -1, -1], 1e-300)
-    squared = moments[:, :-1, -1] ** 2 / occupancy[:, None]
-    scatter = np.einsum("kii->ki", moments[:, :-1, :-1]) - squared
-    return bool((squared > MOST_APART * scatter)[moments[:, -1, -1] > 1e-10].any())
-
-
-def _scatter(moments: Array, means: Array) -> Array:
-    """Σ_t γ_t(i) (x_t − μ_i)(x_t − μ_i)ᵀ, (K, D, D), from moments; μ_i seen from their origin."""
-    first, occupancy = moments[:, :-1, -1], moments[:, -1, -1, None, None]
-    cross = first[:, :, None] * means[:, None, :]
-    scatter = moments[:, :-1, :-1] - cross - np.swapaxes(cross, 1, 2) + occupancy * means[:, :, None] * means[:, None, :]
-    return 0.5 * (scatter + np.swapaxes(scatter, 1, 2))
-
-
-def _exact_scatter(x: Array, weights: Array, means: Array) -> Array:
-    """The same from the frames."""
-    centred = (x - mean for mean in means)
-    return np.array([(c * w[:, None]).T @ c for c, w in zip(centred, weights.T, strict=True)])

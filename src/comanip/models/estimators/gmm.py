@@ -17,9 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from ... import kernels
 from ...interfaces import Array
-from ..gaussian import log_sum_exp, marginal, normalised
+from ..gaussian import log_sum_exp, marginal, normalised, regularised, shares, whitening
 from ..gmr import conditional_lines
+from ..learning import loses_digits, moments_about, scatter_of_frames, scatter_of_moments
 from .base import EstimatorError, random_state
 from .mvn import MVN, add_ellipse, inputs_and_outputs, log_densities, squared_radius
 
@@ -64,19 +66,35 @@ class GMM:
         self._start(x, init_params)
         before = np.zeros((len(x), self.n_components))
         for _ in range(n_iter):
-            gamma = self.to_responsibilities(x)
+            moments, gamma, origin = self._expect(x)
             if np.linalg.norm(gamma - before) < R_diff:
                 if self.verbose:
                     print("EM converged.")
                 break
             before = gamma
-            share = gamma / (gamma.sum(axis=0) + 10.0 * np.finfo(float).eps)
-            self.priors = gamma.sum(axis=0) / gamma.sum()
-            self.means = share.T @ x
-            self.covariances = np.array([(share[:, k, None] * (x - mean)).T @ (x - mean) for k, mean in enumerate(self.means)])
+            occupancy = moments[:, -1, -1]
+            total = (occupancy + 10.0 * np.finfo(float).eps)[:, None]
+            self.priors = occupancy / occupancy.sum()
+            self.means = (moments[:, :-1, -1] + occupancy[:, None] * origin) / total
+            if loses_digits(moments):
+                self.covariances = scatter_of_frames(x, gamma, self.means) / total[:, :, None]
+            else:
+                self.covariances = scatter_of_moments(moments, self.means - origin) / total[:, :, None]
             if oracle_approximating_shrinkage:
+                share = gamma / total[:, 0]
                 self.apply_oracle_approximating_shrinkage(share.sum(axis=0) ** 2 / (share**2).sum(axis=0))
         return self
+
+    def _expect(self, x: Array) -> tuple[Array, Array, Array]:
+        """Moments as in `learning.moments_about`, γ (N, K), and the moments' origin (D,)."""
+        priors, means, covariances = self._initialized()
+        white = whitening(means, regularised(covariances, means))
+        if kernels.native is None:
+            gamma = normalised(white.log_density(x) + _log(priors))
+            return moments_about(white.origin, x, gamma), gamma, white.origin
+        _, moments, found = kernels.mixture(x, _log(priors), white.arrays, weights=True)
+        assert found is not None
+        return moments, found, white.origin
 
     def _start(self, x: Array, init_params: str) -> None:
         n, d = self.n_components, x.shape[1]
@@ -104,7 +122,7 @@ class GMM:
     def to_responsibilities(self, X: Any) -> Array:
         """p(k | x) as (N, K)."""
         priors, means, covariances = self._initialized()
-        return normalised(log_densities(means, covariances, X) + _log(priors))
+        return shares(np.atleast_2d(np.asarray(X, dtype=np.float64)), means, regularised(covariances, means), _log(priors))
 
     def to_probability_density(self, X: Any) -> Array:
         """p(x) as (N,)."""
@@ -135,8 +153,10 @@ class GMM:
         inputs, outputs = inputs_and_outputs(indices, means)
         lines = conditional_lines(means, covariances, inputs, outputs)
         x = np.asarray(X, dtype=np.float64)
-        weights = normalised(log_densities(*marginal(means, covariances, inputs), x) + _log(priors))
-        return np.einsum("nk,nko->no", weights, np.einsum("koi,ni->nko", lines.gains, x) + lines.offsets)
+        seen = marginal(means, covariances, inputs)
+        weights = shares(np.atleast_2d(x), seen[0], regularised(seen[1], seen[0]), _log(priors))
+        each = x @ lines.gains.reshape(-1, len(inputs)).T + lines.offsets.reshape(-1)
+        return np.einsum("nk,nko->no", weights, each.reshape(len(x), *lines.offsets.shape))
 
     def marginalize(self, indices: Any) -> GMM:
         """The mixture of the features in `indices`."""
