@@ -223,6 +223,14 @@ def test_many_sequences_together_are_as_each_alone(level, n_threads, monkeypatch
         assert likelihood == pytest.approx(expected.log_likelihood, rel=1e-10)
 
 
+def test_of_equally_good_ways_the_first(level):
+    """Five states that nobody can tell apart, alone and side by side."""
+    model = Hmm(np.full(5, 0.2), np.full((5, 5), 0.2), np.zeros((5, 1)), np.ones((5, 1, 1)), ("x",))
+    sequences = [np.linspace(0.0, 1.0, n)[:, None] for n in (30, 7, 64, 2000, 1, 12, 40, 40, 5)]
+    for path in (*hmm.viterbi_of_all(model, sequences), hmm.viterbi(model, sequences[0])):
+        assert not path.any()
+
+
 @pytest.mark.parametrize("call", [hmm.viterbi_of_all, hmm.posteriors_of_all, hmm.log_likelihood])
 def test_no_sequence_at_all_is_said(call):
     with pytest.raises(ParameterError, match="there is no sequence"):
