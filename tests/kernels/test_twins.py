@@ -164,6 +164,17 @@ def test_where_scaling_leaves_float64_the_twin_takes_the_sequence(level):
     np.testing.assert_allclose(found, hmm._log_likelihood(model, z[:70], np.array([40, 30])), rtol=1e-12)
 
 
+@pytest.mark.parametrize("n", [1, 9])
+def test_a_state_that_the_first_frame_rules_out_and_all_others_prove(level, n):
+    """Of its density at the first frame only a bound is known, which is no evidence: the twin has to say how bad that start was."""
+    p = Chain(np.full(2, 0.5), np.eye(2), np.array([[0.0], [100.0]]), np.ones((2, 1, 1)))
+    z = np.tile([0.0, 100.0, 100.0, 100.0], n)[:, None]
+    lessons = Lessons(z, np.full(n, 4), np.zeros(1), np.ones(1), ("x",))
+    sums = kernels.e_step(z, lessons.groups, p.initial, p.transition, whitening(p.means, p.covariances).arrays)
+    assert sums.failed.all()
+    check_e_step(p, lessons)
+
+
 @pytest.mark.parametrize("lengths", [[300] * 40, [2000, 17] + [50] * 30, [20_000]])
 def test_threads_change_no_bit(level, lengths):
     rng = np.random.default_rng(1)
@@ -300,6 +311,18 @@ def test_roll_outs(level, d, f, n, evidence, monkeypatch):
         agree(one, other)
     for one, other in zip(found[2], roll_out(model, start, force[0], dt=0.01, evidence=evidence), strict=True):
         agree(one, other)
+
+
+def test_roll_outs_of_an_hour_lose_no_weight(level, monkeypatch):
+    """Weights shrink by what a frame is less likely than in its best state: again and again they would come to nothing."""
+    rng = np.random.default_rng(0)
+    p = random_hmm(rng, 4, 3)
+    model = Hmm(p.initial, p.transition, p.means, p.covariances, ("position.z", "force.z", "velocity.z"))
+    start, force = rng.normal(size=(3, 1)), rng.normal(size=(3000, 1))
+    found = roll_out(model, start, force, dt=1e-3)
+    monkeypatch.setattr(kernels, "native", None)
+    for one, other in zip(found, roll_out(model, start, force, dt=1e-3), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-8)
 
 
 @pytest.mark.parametrize("native", [True, False])
