@@ -166,7 +166,7 @@ def test_where_scaling_leaves_float64_the_twin_takes_the_sequence(level):
 
 @pytest.mark.parametrize("n", [1, 9])
 def test_a_state_that_the_first_frame_rules_out_and_all_others_prove(level, n):
-    """Of its density at the first frame only a bound is known, which is no evidence: the twin has to say how bad that start was."""
+    """Of its density there only a bound is known, which is no evidence: the twin has to say how bad that start was."""
     p = Chain(np.full(2, 0.5), np.eye(2), np.array([[0.0], [100.0]]), np.ones((2, 1, 1)))
     z = np.tile([0.0, 100.0, 100.0, 100.0], n)[:, None]
     lessons = Lessons(z, np.full(n, 4), np.zeros(1), np.ones(1), ("x",))
