@@ -113,7 +113,7 @@ def test_what_leaves_float64_goes_to_the_twin(monkeypatch):
         m = GaussianHMM(3, "full", n_iter=2, tol=-np.inf, init_params="")
         m.startprob_, m.transmat_ = np.eye(3)[0], np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.0, 0.0, 1.0]])
         m.means_, m.covars_ = np.array([[0.0], [50.0], [100.0]]), np.ones((3, 1, 1))
-        before = m.score(x, lengths), m.predict_proba(x, lengths), *m.decode(x, lengths)
+        before = m.score(x, lengths), *m.score_samples(x, lengths), *m.decode(x, lengths)
         m.fit(x, lengths)
         return *before, m.means_, m.covars_, m.transmat_, list(m.monitor_.history)
 

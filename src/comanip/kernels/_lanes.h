@@ -325,48 +325,46 @@ INLINE void NAME(columns)(vec *s, const vec *in, const real *matrix, int K, ptrd
         for (int j = 0; j < n; j++) s[j] += matrix[j] * *in;
 }
 
-/* What becomes of these products before they leave their registers: six columns at a time, then four, then two. */
-#define IN_COLUMNS(K, Ke, some)                               \
-    do {                                                      \
-        int j = 0;                                            \
-        for (; j + 6 <= (Ke); j += 6) some(6);                \
-        for (; j + 4 <= (Ke); j += 4) some(4);                \
-        for (; j < (Ke); j += 2) some(2);                     \
-    } while (0)
+/* alpha_t of n states, and their sum added to `sums`, before they leave their registers. */
+INLINE void NAME(some_forwards)(vec *alpha, const vec *before, const real *chain, const vec *b, vec untold, vec r, int K, int Ke, vec *sums,
+                                const int n) {
+    vec s[6];
+    NAME(columns)(s, before, chain, K, Ke, n);
+    for (int i = 0; i < n; i++) sums[i & 1] += alpha[i * TILES] = s[i] * ((b[i * TILES] - untold) * r);
+}
 
-/* alpha_t, and its sum. */
 INLINE vec NAME(forwards)(vec *alpha, const vec *before, const real *chain, const vec *b, vec untold, vec r, int K, int Ke) {
     vec sums[2] = {{0}};
-#define SOME(n)                                                                                                  \
-    {                                                                                                            \
-        vec s[n];                                                                                                \
-        NAME(columns)(s, before, chain + j, K, Ke, n);                                                           \
-        for (int i = 0; i < n; i++)                                                                              \
-            sums[i & 1] += alpha[(j + i) * TILES] = s[i] * ((b[(j + i) * TILES] - untold) * r);                  \
-    }
-    IN_COLUMNS(K, Ke, SOME);
-#undef SOME
+    int j = 0;
+    for (; j + 6 <= Ke; j += 6) NAME(some_forwards)(alpha + j * TILES, before, chain + j, b + j * TILES, untold, r, K, Ke, sums, 6);
+    for (; j + 4 <= Ke; j += 4) NAME(some_forwards)(alpha + j * TILES, before, chain + j, b + j * TILES, untold, r, K, Ke, sums, 4);
+    for (; j < Ke; j += 2) NAME(some_forwards)(alpha + j * TILES, before, chain + j, b + j * TILES, untold, r, K, Ke, sums, 2);
     return sums[0] + sums[1];
 }
 
-/* beta_t, gamma_t and v_t, and the largest v_t there was. */
-INLINE vec NAME(backwards)(vec *beta, vec *gamma, vec *v, const vec *after, const real *chain, const vec *alpha, const vec *b, vec r,
-                           vec brightest, int K, int Ke) {
-#define SOME(n)                                                                                                  \
-    {                                                                                                            \
-        vec s[n];                                                                                                \
-        NAME(columns)(s, after, chain + j, K, Ke, n);                                                            \
-        for (int i = 0; i < n; i++) {                                                                            \
-            const int at = (j + i) * TILES;                                                                      \
-            const vec future = s[i] * (b[at] * r);                                                               \
-            beta[j + i] = s[i];                                                                                  \
-            gamma[at] = alpha[at] * s[i];                                                                        \
-            brightest = NAME(larger)(brightest, future);                                                         \
-            v[at] = NAME(smaller)(future, NAME(all)(MOST_FUTURE));                                               \
-        }                                                                                                        \
+typedef struct { vec *beta, *gamma, *v; const vec *alpha, *b; } NAME(Back);
+
+/* beta_t, gamma_t and v_t of n states from state j on; gives the largest v_t there was. */
+INLINE vec NAME(some_backwards)(const NAME(Back) *to, int j, const vec *after, const real *chain, vec r, vec brightest, int K, int Ke,
+                                const int n) {
+    vec s[6];
+    NAME(columns)(s, after, chain + j, K, Ke, n);
+    for (int i = 0; i < n; i++) {
+        const int at = (j + i) * TILES;
+        const vec future = s[i] * (to->b[at] * r);
+        to->beta[j + i] = s[i];
+        to->gamma[at] = to->alpha[at] * s[i];
+        brightest = NAME(larger)(brightest, future);
+        to->v[at] = NAME(smaller)(future, NAME(all)(MOST_FUTURE));
     }
-    IN_COLUMNS(K, Ke, SOME);
-#undef SOME
+    return brightest;
+}
+
+INLINE vec NAME(backwards)(const NAME(Back) *to, const vec *after, const real *chain, vec r, vec brightest, int K, int Ke) {
+    int j = 0;
+    for (; j + 6 <= Ke; j += 6) brightest = NAME(some_backwards)(to, j, after, chain, r, brightest, K, Ke, 6);
+    for (; j + 4 <= Ke; j += 4) brightest = NAME(some_backwards)(to, j, after, chain, r, brightest, K, Ke, 4);
+    for (; j < Ke; j += 2) brightest = NAME(some_backwards)(to, j, after, chain, r, brightest, K, Ke, 2);
     return brightest;
 }
 
@@ -512,7 +510,8 @@ backwards:
         if (tile == 0) { vec *other = v; v = spare; spare = other; } /* the sums still need this block */
         vec *vt = v + (tile + TILES - 1) % TILES;
         const vec r = t > 0 ? scale[t - 1] : (vec){0}, until = brightest;
-        brightest = NAME(backwards)(beta, gamma, vt, after, m->backward, alpha, b, r, brightest, K, Ke);
+        const NAME(Back) to = {beta, gamma, vt, alpha, b};
+        brightest = NAME(backwards)(&to, after, m->backward, r, brightest, K, Ke);
         if (breaks[t + 1]) {
             const ivec over = NAME(mask)(breaks[t + 1]);
             vec s = {0};

@@ -255,7 +255,8 @@ def fit_hmm(
     tolerance         stop when the log-likelihood rises by less than this per frame
     allow_constant    standard deviation to assume for a channel that never changes (or by name); else it is an error
     outlier_ratio     a few frames this many times farther out than all others are an error; numpy.inf accepts them
-    n_threads         threads of the compiled E-step; any number gives the same bits. Worth it from some 1e5 frames on
+    n_threads         threads of the compiled E-step; any number gives the same bits, and no more start than pay:
+                      the second with some 1e4 frames
     precision         "float32" climbs in float32, which is up to twice as fast on much data, and takes the last iterations in
                       float64: it converges as "float64" does, to a likelihood equal within `tolerance`, and only the early
                       values of `Fit.log_likelihood` are less exact. Without compiled kernels both are float64
