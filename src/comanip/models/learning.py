@@ -200,7 +200,7 @@ def scatter_of_moments(moments: Array, means: Array) -> Array:
     """Σ_n w_ni (z_n − μ_i)(z_n − μ_i)ᵀ, (K, D, D), from `moments_about` an origin, from which the means (K, D) are seen, too."""
     cross = moments[:, :-1, -1, None] * means[:, None, :]
     squares = moments[:, -1, -1, None, None] * means[:, :, None] * means[:, None, :]
-    scatter = moments[:, :-1, :-1] - cross - np.swapaxes(cross, 1, 2) + squares
+    scatter = moments[:, :-1, :-1] - 2.0 * cross + squares  # made symmetric below
     return 0.5 * (scatter + np.swapaxes(scatter, 1, 2))
 
 

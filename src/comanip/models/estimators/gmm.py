@@ -81,8 +81,7 @@ class GMM:
             else:
                 self.covariances = scatter_of_moments(moments, self.means - origin) / total[:, :, None]
             if oracle_approximating_shrinkage:
-                share = gamma / total[:, 0]
-                self.apply_oracle_approximating_shrinkage(share.sum(axis=0) ** 2 / (share**2).sum(axis=0))
+                self.apply_oracle_approximating_shrinkage(gamma.sum(axis=0) ** 2 / (gamma**2).sum(axis=0))
         return self
 
     def _expect(self, x: Array) -> tuple[Array, Array, Array]:
