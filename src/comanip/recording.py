@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from . import kernels
 from .errors import ChannelError
 from .interfaces import Array
 
@@ -117,21 +118,22 @@ class Recorder:
             self._offsets[name] = slice(width, width + columns)
             width += columns
         self._rows = np.empty((1024, width))
-        self._row = self._rows[0]
         self._count = 0
+        self._compiled = kernels.native and kernels.native.Rows(len(self.layout))
 
     @property
     def row(self) -> Array:
         """The latest row: time, then the channels in the order of `layout`. Do not keep it: copy it."""
-        return self._row
+        return self._rows[max(self._count - 1, 0)]
 
     def add(self, time: float, values: Sequence[Any]) -> None:
         """One row: arrays or numbers in the order of `layout`."""
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
-        self._row = self._rows[self._count]
-        self._row[0] = time
-        np.concatenate(values, axis=None, out=self._row[1:])
+        if not (self._compiled and self._compiled.lay(self._rows, self._count, time, values)):
+            row = self._rows[self._count]
+            row[0] = time
+            np.concatenate(values, axis=None, out=row[1:])
         self._count += 1
 
     def recording(self, metadata: Mapping[str, Any]) -> Recording:

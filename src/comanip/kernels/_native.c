@@ -939,6 +939,7 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
 #include "_checker.h"
 #include "_envelope.h"
 #include "_beam.h"
+#include "_rows.h"
 #if !defined(__clang__)
 #pragma GCC pop_options
 #endif
@@ -1244,7 +1245,7 @@ static PyType_Spec envelope_spec = {"comanip.kernels._native.Envelope", sizeof(E
 static int start(PyObject *module) {
     for (int i = N_LEVELS - 1; i >= 0; i--)
         if (runs_here(LEVELS[i])) active = LEVELS[i];
-    PyType_Spec *const specs[] = {&filter_spec, &lines_spec, &law_spec, &envelope_spec, &waiting_spec, &beam_spec};
+    PyType_Spec *const specs[] = {&filter_spec, &lines_spec, &law_spec, &envelope_spec, &waiting_spec, &beam_spec, &rows_spec};
     for (size_t i = 0; i < sizeof specs / sizeof *specs; i++) {
         PyObject *type = PyType_FromSpec(specs[i]);
         if (!type || PyModule_AddType(module, (PyTypeObject *)type) < 0) {
