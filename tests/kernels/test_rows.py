@@ -77,6 +77,14 @@ def test_a_row_of_another_width_is_refused_as_numpy_refuses_it(values):
         assert recorder._count == 0
 
 
+@pytest.mark.parametrize("values", [[np.zeros(2), 1.0, np.zeros(4)], [np.zeros(3), np.zeros(3), 1.0]])
+def test_nothing_is_written_behind_a_row(values):
+    compiled, _ = recorders()
+    compiled._rows[:] = 7.0
+    assert not compiled._compiled.lay(compiled._rows, 0, 0.0, values)
+    assert (compiled._rows[1:] == 7.0).all()
+
+
 def test_no_row_outside_the_block():
     compiled, _ = recorders()
     values = [np.zeros(2), 1.0, np.zeros(3)]
