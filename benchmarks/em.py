@@ -192,7 +192,7 @@ def measure() -> list[dict[str, Any]]:
             if np.isfinite(value) and "dynamax" not in peer and not np.isclose(value, likelihood["comanip"], rtol=rtol):
                 raise AssertionError(f"{peer} computes something else: {value} and {likelihood['comanip']}")
         gemm = [dgemm_gflops()]
-        times = alternated(work, 9, 15.0)
+        times = alternated(work, 7, 12.0)
         gemm.append(dgemm_gflops())
         ns = {peer: median(t) / len(p.frames) * 1e9 for peer, t in times.items()}
         floor = flops_per_frame(d, k) / float(np.mean(gemm))

@@ -16,7 +16,7 @@ import numpy as np
 
 CORES = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))  # at the start
 
-A_TURN_S, A_TURN, A_PAUSE_S = 0.25, 10, 0.25
+A_TURN_S, A_TURN, A_PAUSE_S = 0.25, 10, 0.3
 
 
 class Problem(NamedTuple):
@@ -56,8 +56,8 @@ def alternated(work: dict[str, Callable[[], Any]], repeats: int, budget_s: float
     """Seconds of each piece of work, taken in turns so that a busy machine hurts all alike; slow ones stop at `budget_s`.
 
     A neighbour's work comes and goes within seconds, so quick work is done again and again in its turn, for A_TURN_S or A_TURN
-    times, and its turn has one voice: the median, without the first that finds the caches cold. Before each turn is a pause, for
-    threads of XLA go on spinning for 0.2 s after their work is done, on the core that we all share.
+    times, and its turn has one voice: the median, without the first that finds the caches cold. Before each turn the core is kept
+    busy for a while: threads of XLA go on spinning for 0.2 s after their work is done, and a core that rested would be slow at first.
     """
     times: dict[str, list[float]] = {name: [] for name in work}
     spent = dict.fromkeys(work, 0.0)
@@ -66,8 +66,9 @@ def alternated(work: dict[str, Callable[[], Any]], repeats: int, budget_s: float
         for name, call in work.items():
             if spent[name] > budget_s:
                 continue
-            if len(work) > 1:
-                time.sleep(A_PAUSE_S)
+            until = time.perf_counter() + A_PAUSE_S * (len(work) > 1)
+            while time.perf_counter() < until:
+                pass
             turn: list[float] = []
             while not turn or (sum(turn) < A_TURN_S and len(turn) < A_TURN):
                 before = time.perf_counter()

@@ -174,7 +174,7 @@ def measure() -> dict[str, Any]:
     gate_m = float(np.abs(roll_out(m, start, force, dt=DT, gate=np.inf).position - paths["comanip"]).max())
     if gate_m > 1e-6:
         raise AssertionError(f"the gate moves a roll-out by {gate_m:.1e} m: those without one do other work")
-    rates = {peer: N * T / median(t) / 1e6 for peer, t in alternated(work, 15).items()}
+    rates = {peer: N * T / median(t) / 1e6 for peer, t in alternated(work, 9).items()}
     found: dict[str, Any] = {"rates": rates, "gate_m": gate_m}
     if "pbdlib" in paths:
         found["pbdlib_agrees"] = float(np.isclose(paths["pbdlib"], paths["comanip"], atol=1e-6).all(axis=(1, 2)).mean())

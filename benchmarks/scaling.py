@@ -67,7 +67,7 @@ def point(p: Problem, makers: dict[str, Any], last: dict[str, float]) -> dict[st
         rtol = 1e-4 if peer == "dynamax" else 1e-8
         if not np.isclose(likelihood[peer], likelihood["comanip"], rtol=rtol):
             raise AssertionError(f"{peer} computes something else: {likelihood[peer]} and {likelihood['comanip']}")
-    ns = {peer: median(t) / len(p.frames) * 1e9 for peer, t in alternated(work, 9, BUDGET_S).items()}
+    ns = {peer: median(t) / len(p.frames) * 1e9 for peer, t in alternated(work, 7, BUDGET_S).items()}
     last.update({peer: value / flops for peer, value in ns.items()})
     gflops.append(dgemm_gflops())
     return {"ns": ns, "floor_ns": flops / float(np.median(gflops))}

@@ -84,7 +84,7 @@ def measure() -> list[dict[str, Any]]:
             for peer, answer in answers.items():
                 if not np.allclose(answer, answers["comanip"], rtol=1e-8, atol=1e-8):
                     raise AssertionError(f"{kind}, {size}: {peer} finds something else")
-            times = alternated({peer: calls[kind] for peer, calls in peers.items()}, 15, 3.0)
+            times = alternated({peer: calls[kind] for peer, calls in peers.items()}, 7, 3.0)
             ns = {peer: median(t) / len(p.frames) * 1e9 for peer, t in times.items()}
             rows.append({"kind": kind, "size": size, "ns": ns})
             print(kind, size, {n: round(v, 1) for n, v in ns.items()}, file=sys.stderr)
