@@ -57,7 +57,7 @@ def alternated(work: dict[str, Callable[[], Any]], repeats: int, budget_s: float
 
     A neighbour's work comes and goes within seconds, so quick work is done again and again in its turn, for A_TURN_S or A_TURN
     times, and its turn has one voice: the median, without the first that finds the caches cold. Before each turn the core is kept
-    busy for a while: threads of XLA go on spinning for 0.2 s after their work is done, and a core that rested would be slow at first.
+    busy for a while: threads of XLA spin on for 0.2 s after their work is done, and a core that rested would be slow at first.
     """
     times: dict[str, list[float]] = {name: [] for name in work}
     spent = dict.fromkeys(work, 0.0)
