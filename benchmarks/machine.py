@@ -87,12 +87,16 @@ def stay_on_one_core() -> None:
 
 def on_all_cores(call: Callable[[], Any]) -> Callable[[], Any]:
     """The same call, with every core that this process was given for the threads that it starts."""
+    return on_cores(CORES, call)
+
+
+def on_cores(cores: list[int], call: Callable[[], Any]) -> Callable[[], Any]:
     if not hasattr(os, "sched_setaffinity"):
         return call
 
     def wrapped() -> Any:
         before = os.sched_getaffinity(0)
-        os.sched_setaffinity(0, CORES)
+        os.sched_setaffinity(0, cores)
         try:
             return call()
         finally:

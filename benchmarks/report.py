@@ -201,8 +201,9 @@ same core in the same minute. Peak memory over the data, 10⁶ frames: {results[
 
 {scaling_tables(results["scaling"])}
 One thing varies, the others stay at 50,000 frames in sequences of 500, D 7, K 10. 10⁷ frames are the same 10⁶ ten times over. A
-dash: a call would have taken more than 8 s, or it is not measured there. Threads share 10⁶ frames; their floor is that of as many
-threads that multiply matrices at once: a machine which lends its cores gives two of them less than twice the work of one.
+dash: a call would have taken more than 8 s, or it is not measured there. Threads share 10⁶ frames; one thread runs on each core
+in turn, and its row is their mean speed, for a machine that lends its cores does not lend them equally; the floor is that of as
+many threads that multiply matrices at once.
 
 ![Scaling](scaling.png)
 
