@@ -2,8 +2,11 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
+import sysconfig
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +19,16 @@ def asked(code, **environment):
     return subprocess.run(
         [sys.executable, "-c", code], env={**os.environ, **environment}, capture_output=True, text=True, check=False
     )
+
+
+def test_where_there_is_a_compiler_the_kernels_were_compiled():
+    """The build lets a compilation fail, and most tests here are skipped then: somebody has to notice."""
+    compiler = (sysconfig.get_config_var("CC") or "cc").split()[0]
+    if os.environ.get("COMANIP_KERNELS", "").lower() == "numpy":
+        pytest.skip("COMANIP_KERNELS=numpy asks for the twins")
+    if not shutil.which(compiler) or not (Path(sysconfig.get_path("include")) / "Python.h").exists():
+        pytest.skip(f"no C compiler {compiler!r}, or no Python.h, on this machine")
+    assert kernels.native is not None, "reinstall comanip with pip -v and read why the extension was not built"
 
 
 def test_numpy_can_be_forced():
