@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from comanip.demonstration import demonstrations
-from comanip.learned import learn
+from comanip.learned.skill import learn
+from comanip.lessons.demonstration import demonstrations
 from comanip.plants.beam import BeamPlant
 from comanip.reproduction import make_skill
 from comanip.teaching import teach

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 import checkout
+from comanip.fitting.baum_welch import Chain, expect, maximise
+from comanip.fitting.coordinates import Lessons
 from comanip.kernels import native
-from comanip.models.baum_welch import Chain, expect, maximise
-from comanip.models.lessons import Lessons
 from machine import Problem, alternated, dgemm_gflops, flops_per_frame, median, on_all_cores, problem, stay_on_one_core
 
 RAGGED = np.exp(np.random.default_rng(5).uniform(np.log(20.0), np.log(5000.0), size=120)).astype(int)

@@ -16,11 +16,11 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from comanip.demonstration import demonstrations
 from comanip.interfaces import Skill
-from comanip.learned import learn
+from comanip.learned.skill import learn
+from comanip.lessons.demonstration import demonstrations
+from comanip.people.partners import HumanLeader
 from comanip.plants.humanoid import HumanoidPlant
-from comanip.plants.partners import HumanLeader
 from comanip.recording import Recording
 from comanip.reproduction import make_skill
 from comanip.teaching import teach

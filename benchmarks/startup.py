@@ -29,7 +29,7 @@ CHOOSE = (
     + """
 import warnings
 warnings.simplefilter("ignore")
-from comanip.models.selection import select_states
+from comanip.fitting.selection import select_states
 names = ("position.z", "force.z", "velocity.z")
 if __name__ == "__main__":
     select_states(x, range(2, 13), channels=names, criterion="cross-validation", folds=5, restarts=10,
@@ -40,7 +40,7 @@ COMMANDS = {
     "python alone": ["-c", "pass"],
     "import numpy": ["-c", "import numpy"],
     "import comanip": ["-c", "import comanip"],
-    "comanip --help": ["-m", "comanip.cli", "--help"],
+    "comanip --help": ["-m", "comanip", "--help"],
     "import and 20 EM iterations, 10 × 300, D 3, K 5": ["-c", LEARN],
     "import hmmlearn": ["-c", "from hmmlearn import hmm"],
     "import gmr": ["-c", "import gmr"],

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from comanip.models.streaming import fit_stream
-from comanip.shards import ParquetShards
+from comanip.fitting.streaming import fit_stream
+from comanip.lessons.shards import ParquetShards
 from em import comanip
 from machine import alternated, median, problem
 

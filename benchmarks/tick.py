@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from comanip import kernels
-from comanip.demonstration import demonstrations
 from comanip.interfaces import Command, Observation, Skill
-from comanip.learned import learn
+from comanip.learned.skill import learn
+from comanip.lessons.demonstration import demonstrations
 from comanip.reproduction import make_auto, make_skill
 from comanip.teaching import teach
 

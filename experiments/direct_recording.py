@@ -26,19 +26,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from comanip.experiments.readings import script
 
-from comanip.demonstration import Demonstration, demonstrations
-from comanip.evaluation import figures
+from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.evaluation.metrics import effort
 from comanip.evaluation.prediction import overall, predict
-from comanip.exact_step import second_order_step
 from comanip.interaction import Payload
 from comanip.interfaces import STANDARD_GRAVITY, Array, Command, Observation, Partner
-from comanip.learned import learn
+from comanip.learned.skill import learn
+from comanip.lessons.demonstration import Demonstration, demonstrations
 from comanip.loop import run as run_loop
+from comanip.people.partners import HumanFollower, HumanLeader, HumanSharing, Plan, dyad
 from comanip.plants.beam import Beam, WristSensor
-from comanip.plants.partners import HumanFollower, HumanLeader, HumanSharing, Plan, dyad
 from comanip.recording import Recording
+from comanip.signals.second_order import second_order_step
 from comanip.teaching import SCENARIOS, Habits, teach
 
 RATE_HZ = 100.0

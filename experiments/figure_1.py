@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from comanip.demonstration import demonstrations
 from comanip.evaluation.claims import Claim, at_least, at_most
-from comanip.filters import smooth
-from comanip.learned import learn
+from comanip.learned.skill import learn
+from comanip.lessons.demonstration import demonstrations
 from comanip.recording import Recording
 from comanip.reproduction import make_skill
+from comanip.signals.filters import smooth
 from comanip.teaching import teach
 from comanip.trials import draw_case, run_case
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from comanip.experiments.readings import script
 
-from comanip.evaluation import figures
+from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.interfaces import Array
 from comanip.models.gmm import Gmm, fit_gmm

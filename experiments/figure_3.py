@@ -19,11 +19,11 @@ import numpy as np
 from comanip.experiments import planar
 from comanip.experiments.readings import LETTER, READING, script
 
-from comanip.demonstration import Demonstration
-from comanip.evaluation import figures
+from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.interfaces import Array
-from comanip.learned import LearnedSkill, learn
+from comanip.learned.skill import LearnedSkill, learn
+from comanip.lessons.demonstration import Demonstration
 from comanip.skills.paper import PaperLaw
 
 PATH = planar.curve([(0.16, 0.26), (0.06, 0.30), (0.00, 0.22), (0.08, 0.15), (0.15, 0.08), (0.08, 0.0), (-0.02, 0.03)])

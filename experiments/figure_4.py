@@ -18,11 +18,11 @@ import numpy as np
 from comanip.experiments import planar
 from comanip.experiments.readings import READING, script
 
-from comanip.demonstration import Demonstration
-from comanip.evaluation import figures
+from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.interfaces import Array
-from comanip.learned import LearnedSkill, learn
+from comanip.learned.skill import LearnedSkill, learn
+from comanip.lessons.demonstration import Demonstration
 from comanip.skills.paper import ConfidenceGain, PaperLaw, PositionGain
 
 PATH = planar.curve([(0.0, 0.0), (0.08, 0.10), (0.18, 0.12), (0.26, 0.05), (0.36, 0.02), (0.45, 0.10)])

@@ -15,13 +15,13 @@ import numpy as np
 from comanip.experiments.lifts import LESSONS, learned, moving, taught
 from comanip.experiments.readings import script
 
-from comanip.demonstration import Demonstration
-from comanip.evaluation import figures
+from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.evaluation.metrics import work
 from comanip.evaluation.prediction import one_step_velocity
 from comanip.interfaces import Array
-from comanip.learned import LearnedSkill
+from comanip.learned.skill import LearnedSkill
+from comanip.lessons.demonstration import Demonstration
 from comanip.models.hmm import log_likelihood
 
 ROLES = ("leader", "follower")

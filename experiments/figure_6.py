@@ -16,10 +16,10 @@ from comanip.experiments.figure_5 import ROLES, UNITS
 from comanip.experiments.lifts import LESSONS, learned, moving, taught
 from comanip.experiments.readings import script
 
-from comanip.demonstration import Demonstration
-from comanip.evaluation import figures
+from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least
 from comanip.interfaces import Array
+from comanip.lessons.demonstration import Demonstration
 from comanip.models.gmr import regress
 
 PARTS = ("first third", "middle third", "last third")

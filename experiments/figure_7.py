@@ -21,11 +21,11 @@ import numpy as np
 from comanip.experiments.lifts import LESSONS, learned, taught
 from comanip.experiments.readings import LETTER, READING, script
 
-from comanip.demonstration import Demonstration
-from comanip.evaluation import figures
+from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.interfaces import Array, Skill
-from comanip.learned import LearnedSkill, learn
+from comanip.learned.skill import LearnedSkill, learn
+from comanip.lessons.demonstration import Demonstration
 from comanip.loop import run as run_loop
 from comanip.plants.replay import ReplayPlant, distort_time
 from comanip.reproduction import make_skill

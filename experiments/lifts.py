@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from comanip.demonstration import Demonstration, demonstrations
 from comanip.interaction import Payload
-from comanip.learned import LearnedSkill, learn
+from comanip.learned.skill import LearnedSkill, learn
+from comanip.lessons.demonstration import Demonstration, demonstrations
 from comanip.plants.beam import Beam
 from comanip.teaching import Habits, teach
 

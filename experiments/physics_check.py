@@ -20,13 +20,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from comanip.demonstration import demonstration, demonstrations
-from comanip.engine import each
-from comanip.evaluation import figures
+from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.interaction import gravity_along, identify_payload
 from comanip.interfaces import Array
-from comanip.learned import learn
+from comanip.learned.skill import learn
+from comanip.lessons.demonstration import demonstration, demonstrations
+from comanip.parallel import each
 from comanip.plants.beam import Beam
 from comanip.recording import Recording
 from comanip.reproduction import make_skill

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from comanip.demonstration import Demonstration
 from comanip.interfaces import Array
-from comanip.learned import LearnedSkill
+from comanip.learned.skill import LearnedSkill
+from comanip.lessons.demonstration import Demonstration
 from comanip.loop import run
 from comanip.models.gaussian import log_density, marginal, normalised
 from comanip.models.gmr import Regression

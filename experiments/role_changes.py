@@ -17,20 +17,20 @@ from comanip.experiments.lifts import RATE_HZ, taught
 from comanip.experiments.readings import script
 from numpy.typing import NDArray
 
-from comanip.demonstration import demonstrations
-from comanip.evaluation import figures
+from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_most
-from comanip.filters import smooth
-from comanip.humans import Legs
 from comanip.interaction import TaringInteractionForce, gravity_along
 from comanip.interfaces import Array, Partner
-from comanip.learned import LearnedSkill, learn
+from comanip.learned.skill import LearnedSkill, learn
+from comanip.lessons.demonstration import demonstrations
 from comanip.loop import run as run_loop
+from comanip.people.intent import Legs
+from comanip.people.misbehaving import Switches
+from comanip.people.partners import HumanFollower, HumanLeader
 from comanip.plants.beam import BeamPlant
-from comanip.plants.misbehaving import Switches
-from comanip.plants.partners import HumanFollower, HumanLeader
 from comanip.reproduction import make_auto
-from comanip.skills.envelope import Limits
+from comanip.safety.envelope import Limits
+from comanip.signals.filters import smooth
 from comanip.teaching import teach
 from comanip.trials.judging import FORCE_CUTOFF_HZ
 

@@ -19,13 +19,13 @@ from comanip.experiments.readings import script
 
 from comanip.devices.link import Link, Network
 from comanip.devices.phantom import Handle, HeldHandle, phantom
-from comanip.devices.teacher import Teacher, TeacherHand
-from comanip.evaluation import figures
+from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.interfaces import STANDARD_GRAVITY, Array
 from comanip.loop import run as run_loop
+from comanip.people.partners import Arm, HumanLeader, Plan, Unsteadiness
+from comanip.people.teacher import Teacher, TeacherHand
 from comanip.plants.beam import BeamPlant, WristSensor
-from comanip.plants.partners import Arm, HumanLeader, Plan, Unsteadiness
 from comanip.recording import Recording
 from comanip.skills.passivity import Passive
 from comanip.skills.teleoperation import CouplingLimits, Teleoperation

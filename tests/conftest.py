@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from comanip.demonstration import Demonstration, demonstrations
-from comanip.learned import LearnedSkill, learn
+from comanip.learned.skill import LearnedSkill, learn
+from comanip.lessons.demonstration import Demonstration, demonstrations
 from comanip.teaching import ROLES, teach
 
 

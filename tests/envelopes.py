@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from comanip.interfaces import Command, Observation
-from comanip.skills.envelope import Envelope, Limits
+from comanip.safety.envelope import Envelope, Limits
 
 DT = 0.01
 ROOM = Limits(workspace_m=((0.0, 1.0),))

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from comanip.skills.envelope import Limits
+from comanip.safety.envelope import Limits
 from envelopes import DT, Bench
 
 NASTY = np.array([np.nan, np.inf, -np.inf, 1e308, -1e308, 5e-324, -0.0, 0.0, 1e9, -1e9])

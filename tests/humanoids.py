@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from comanip.interfaces import STANDARD_GRAVITY
+from comanip.people.partners import minimum_jerk
 from comanip.plants.beam import WristSensor
 from comanip.plants.humanoid import HumanoidPlant
-from comanip.plants.partners import minimum_jerk
 
 QUIET = WristSensor(noise_n=0.0, bias_n=0.0, delay_s=0.0)
 HALF = 0.5 * 2.0 * STANDARD_GRAVITY

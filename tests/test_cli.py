@@ -14,7 +14,7 @@ import pytest
 
 
 def comanip(*words, cwd=None):
-    return subprocess.run([sys.executable, "-m", "comanip.cli", *map(str, words)], capture_output=True, text=True, cwd=cwd)
+    return subprocess.run([sys.executable, "-m", "comanip", *map(str, words)], capture_output=True, text=True, cwd=cwd)
 
 
 def answer(*words, cwd=None):
@@ -100,7 +100,7 @@ def test_a_run_on_the_wall_clock_reaches_the_disk_as_it_goes(tmp_path, folder):
     answer("learn", *sorted(folder.glob("follower_[0-4].csv")), "-o", "skill.json", "--role", "follower", *FLAGS, cwd=tmp_path)
     words = ["reproduce", "skill.json", "--force-from", folder / "follower_5.csv", *FLAGS, "--realtime", "--out", "run.csv"]
     started = time.monotonic()
-    going = subprocess.Popen([sys.executable, "-m", "comanip.cli", *map(str, words)], cwd=tmp_path, stdout=subprocess.DEVNULL)
+    going = subprocess.Popen([sys.executable, "-m", "comanip", *map(str, words)], cwd=tmp_path, stdout=subprocess.DEVNULL)
     while not (tmp_path / "run.live.mcap").exists() and going.poll() is None:
         time.sleep(0.05)
     assert going.poll() is None, "it did not last as long as the lesson"

@@ -16,10 +16,10 @@ import pytest
 from joblib.parallel import ThreadingBackend
 
 import comanip
-from comanip import engine
-from comanip.engine import each
+from comanip import parallel as engine
 from comanip.errors import BackendError, ParameterError
-from comanip.models.selection import select_states
+from comanip.fitting.selection import select_states
+from comanip.parallel import each
 from comanip.trials import draw_case, run_cases
 from toys import CHANNELS, lifts
 

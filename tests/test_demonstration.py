@@ -7,10 +7,10 @@ import warnings
 import numpy as np
 import pytest
 
-from comanip.alignment import align, warping_path
-from comanip.demonstration import Demonstration, demonstration
 from comanip.errors import ChannelError, ParameterError, RecordingError
 from comanip.formats import read, write
+from comanip.lessons.alignment import align, warping_path
+from comanip.lessons.demonstration import Demonstration, demonstration
 from comanip.recording import Channel, Recording
 from lifts import corrupt, lift, minimum_jerk
 

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from comanip.demonstration import Demonstration, demonstrations
 from comanip.errors import ParameterError
 from comanip.evaluation.claims import at_least, at_most
-from comanip.learned import learn
+from comanip.learned.skill import learn
+from comanip.lessons.demonstration import Demonstration, demonstrations
 from comanip.loop import run
 from comanip.plants.replay import ReplayPlant
 from comanip.recording import Channel
@@ -29,7 +29,7 @@ from comanip.experiments import figure_3, figure_4, figure_5, figure_6, figure_7
 from comanip.experiments.lifts import LESSONS, taught
 from comanip.experiments.readings import READING
 
-from comanip.evaluation import figures
+from comanip.evaluation import drawing as figures
 
 ROOT = Path(__file__).parents[1]
 QUIET = pytest.mark.filterwarnings("ignore::comanip.errors.ComanipWarning")
@@ -212,9 +212,7 @@ def test_every_package_is_installed():
 
 
 def command(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "comanip.cli", "figures", *arguments], capture_output=True, text=True, check=False
-    )
+    return subprocess.run([sys.executable, "-m", "comanip", "figures", *arguments], capture_output=True, text=True, check=False)
 
 
 def test_the_command_draws_what_was_asked_for(tmp_path, capsys):

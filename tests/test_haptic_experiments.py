@@ -113,7 +113,7 @@ def test_the_direct_lessons_small_run_keeps_its_signs_and_draws(tmp_path, monkey
     monkeypatch.setattr(direct_recording, "WRISTS", (0.0, 100.0))
     found = direct_recording.numbers(1)
     assert {c.text: c.measured for c in direct_recording.claims(found)[:3] if not c.passed} == {}
-    from comanip.evaluation import figures
+    from comanip.evaluation import drawing as figures
 
     figures.save(direct_recording.draw(found), tmp_path / "direct.png")
     mirrored = found._replace(

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from comanip.demonstration import demonstration
 from comanip.errors import ChannelError, ParameterError
-from comanip.filters import Lowpass, differentiate, smooth
 from comanip.interaction import (
     CausalInteractionForce,
     Payload,
@@ -18,7 +16,9 @@ from comanip.interaction import (
     mean_and_error,
 )
 from comanip.interfaces import STANDARD_GRAVITY, Observation
+from comanip.lessons.demonstration import demonstration
 from comanip.recording import Channel
+from comanip.signals.filters import Lowpass, differentiate, smooth
 from lifts import lift, minimum_jerk
 
 DT, MASS = 0.01, 5.0
@@ -215,7 +215,7 @@ def test_a_cutoff_that_cannot_be_is_refused(cutoff):
 
 def test_the_low_pass_has_butterworth_attenuation_and_unit_gain():
     signal = pytest.importorskip("scipy.signal")
-    from comanip.filters import lowpass_coefficients
+    from comanip.signals.filters import lowpass_coefficients
 
     b, a = signal.butter(2, 10.0, fs=100.0)
     b0, b1, b2, a1, a2 = lowpass_coefficients(10.0, DT)

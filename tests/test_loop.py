@@ -7,10 +7,10 @@ import time
 import numpy as np
 import pytest
 
-from comanip.demonstration import demonstrations
 from comanip.errors import ParameterError
 from comanip.interfaces import Command, Observation
-from comanip.learned import learn
+from comanip.learned.skill import learn
+from comanip.lessons.demonstration import demonstrations
 from comanip.loop import WallClock, run
 from comanip.plants.replay import ReplayPlant, distort_time
 from comanip.reproduction import make_skill

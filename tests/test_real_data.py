@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from comanip.demonstration import demonstration
 from comanip.errors import ComanipWarning
 from comanip.formats import Columns, read
+from comanip.lessons.demonstration import demonstration
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("matplotlib")
 from comanip.experiments import role_changes
 
-from comanip.evaluation import figures
+from comanip.evaluation import drawing as figures
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from comanip import sealed, skill_file
+from comanip import whole_file as sealed
 from comanip.errors import SkillFileError
+from comanip.learned.skill import file as skill_file
 
 
 def test_a_skill_comes_back_bit_for_bit(skills, tmp_path):

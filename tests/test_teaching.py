@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from comanip import teaching
-from comanip.demonstration import demonstrations
 from comanip.errors import ParameterError
-from comanip.humans import Intent, Plan, Yielding
+from comanip.lessons.demonstration import demonstrations
+from comanip.people.intent import Intent, Plan, Yielding
 from comanip.plants.beam import Beam, BeamPlant
 from comanip.teaching import DYADS, ROLES, SCENARIOS, teach
 

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from .errors import ParameterError
-from .filters import Lowpass
 from .interfaces import STANDARD_GRAVITY, Array, Observation
+from .signals.filters import Lowpass
 
 MAX_FORCE = 1e6  # [N] beyond any sensor of a hand: treated as missing, so that one wild sample cannot ring for seconds
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import MismatchError, ParameterError
 from .interfaces import Skill
-from .learned import LearnedSkill, check_fits
+from .learned.skill import LearnedSkill, check_fits
 
 if TYPE_CHECKING:
+    from .safety.envelope import Limits
     from .skills.collaborate import CollaborativeLaw
-    from .skills.envelope import Limits
     from .skills.roles import RolePolicy
 
 
@@ -88,7 +88,7 @@ def _role_skill(learned: LearnedSkill, law: CollaborativeLaw, axes: tuple[str, .
 
 def enveloped(skill: Skill, *, axes: tuple[str, ...], dt: float, limits: Limits | None = None) -> Skill:
     """`skill` within the safety envelope."""
-    from .skills.envelope import Envelope, Limits
+    from .safety.envelope import Envelope, Limits
 
     return Envelope(skill, axes=axes, dt=dt, limits=limits or Limits())
 

@@ -16,16 +16,16 @@ import numpy as np
 
 from .devices.link import Link, Network
 from .devices.phantom import IDEAL, HeldHandle, phantom
-from .devices.teacher import Teacher, TeacherHand
 from .errors import ParameterError
-from .filters import differentiate, smooth
-from .humans import Plan, Yielding
 from .interaction import gravity_along, interaction_force
 from .interfaces import STANDARD_GRAVITY, Array, HapticDevice, Partner, Plant
 from .loop import run
+from .people.intent import Plan, Yielding
+from .people.partners import Arm, HumanFollower, HumanLeader, HumanSharing, dyad
+from .people.teacher import Teacher, TeacherHand
 from .plants.beam import Beam, BeamPlant, WristSensor
-from .plants.partners import Arm, HumanFollower, HumanLeader, HumanSharing, dyad
 from .recording import Recording
+from .signals.filters import differentiate, smooth
 from .skills.passivity import Passive
 from .skills.teleoperation import CouplingLimits, Teleoperation
 

@@ -10,8 +10,8 @@ import pytest
 
 from comanip.errors import ParameterError
 from comanip.interfaces import Observation
+from comanip.safety.envelope import Limits
 from comanip.skills.baselines import MassDamper
-from comanip.skills.envelope import Limits
 from envelopes import DT, ROOM, Bench
 
 A, V = ROOM.a_max_m_per_s2, ROOM.v_max_m_per_s

@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from comanip.checks import Plausible
-from comanip.demonstration import check_set, demonstration, demonstrations, require
 from comanip.errors import ChannelError, ComanipError, ComanipWarning, RecordingError
 from comanip.formats import Columns, read, write
+from comanip.lessons.demonstration import check_set, demonstration, demonstrations, require
+from comanip.lessons.faults import Plausible
 from comanip.recording import Channel, Recording
 from lifts import corrupt, lift
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from comanip import kernels
-from comanip.humans import Legs, Unsteadiness, Yielding
 from comanip.interaction import TaringInteractionForce, gravity_along
 from comanip.interfaces import STANDARD_GRAVITY, Command, Observation
 from comanip.loop import run
+from comanip.people.intent import Legs, Unsteadiness, Yielding
+from comanip.people.misbehaving import Blocks, LetsGo
+from comanip.people.partners import Arm, HumanFollower, HumanLeader
 from comanip.plants.beam import Beam, BeamPlant, WristSensor
-from comanip.plants.misbehaving import Blocks, LetsGo
-from comanip.plants.partners import Arm, HumanFollower, HumanLeader
 from comanip.reproduction import make_auto, make_skill
-from comanip.skills.envelope import Limits
+from comanip.safety.envelope import Limits
 
 DT, START = 0.01, 0.85
 ROLES = ("leader", "follower")

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from comanip.experiments.stability_map import SLIPPERY
 
-from comanip.demonstration import demonstrations
 from comanip.devices.link import Network
 from comanip.devices.phantom import HeldHandle, phantom
 from comanip.errors import ComanipWarning, ParameterError
+from comanip.lessons.demonstration import demonstrations
 from comanip.skills.passivity import Passive, PassivityLaw
 from comanip.skills.teleoperation import CouplingLimits, Teleoperation
 from comanip.teaching import PHANTOM, Coupling, teach

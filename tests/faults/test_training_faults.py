@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from comanip.errors import ChannelError, ComanipWarning, InternalError, ParameterError, TrainingError
+from comanip.fitting.climb import climb
 from comanip.models.filtering import ForwardFilter
 from comanip.models.gmm import Gmm, fit_gmm
 from comanip.models.gmr import Regression, regress
 from comanip.models.hmm import Hmm, fit_hmm, log_likelihood
-from comanip.models.learning import climb
 from toys import CHANNELS, lifts, random_gmm
 
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from comanip.demonstration import demonstration
 from comanip.errors import ChannelError, RecordingError
 from comanip.formats import Columns, read, write
+from comanip.lessons.demonstration import demonstration
 from comanip.recording import Channel, Recording
 from lifts import lift, minimum_jerk
 

@@ -155,7 +155,7 @@ def test_a_newer_file_says_so(tmp_path, monkeypatch):
 
 def test_reading_needs_no_heavy_import():
     code = (
-        "import sys, comanip.demonstration, comanip.formats, comanip.interaction, comanip.alignment\n"
+        "import sys, comanip.lessons.demonstration, comanip.formats, comanip.interaction, comanip.lessons.alignment\n"
         "print([m for m in ('scipy', 'mcap', 'mcap_ros2', 'rosbags', 'zstandard') if m in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

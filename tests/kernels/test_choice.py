@@ -44,14 +44,14 @@ def test_an_instruction_set_can_be_forced():
 
 
 def test_the_doctor_says_which_kernels_run():
-    found = asked("from comanip.cli import main; main()", COMANIP_KERNELS="numpy")
+    found = asked("from comanip.commands.app import main; main()", COMANIP_KERNELS="numpy")
     assert found.returncode == 0
     found = subprocess.run(
-        [sys.executable, "-m", "comanip.cli", "doctor", "--json"], capture_output=True, text=True, check=True,
+        [sys.executable, "-m", "comanip", "doctor", "--json"], capture_output=True, text=True, check=True,
         env={**os.environ, "COMANIP_KERNELS": "numpy"},
     )  # fmt: skip
     assert json.loads(found.stdout)["kernels"].startswith("numpy")
-    lines = subprocess.run([sys.executable, "-m", "comanip.cli", "doctor"], capture_output=True, text=True, check=True).stdout
+    lines = subprocess.run([sys.executable, "-m", "comanip", "doctor"], capture_output=True, text=True, check=True).stdout
     assert kernels.description in lines
 
 
@@ -67,7 +67,7 @@ def test_without_a_compiled_module_a_command_that_learns_says_so_once(tmp_path):
         table = np.column_stack([np.arange(len(x)) / 100.0, x])
         np.savetxt(tmp_path / f"{i}.csv", table, delimiter=",", header="time,position.z,force.z,velocity.z", comments="")
     learn = f"app(['learn', {str(tmp_path / '0.csv')!r}, {str(tmp_path / '1.csv')!r}, '-o', {str(tmp_path / 's.json')!r}])\n"
-    twice = f"from comanip.cli import app\nfor _ in range(2):\n    try: {learn}    except SystemExit: pass\n"
+    twice = f"from comanip.commands.app import app\nfor _ in range(2):\n    try: {learn}    except SystemExit: pass\n"
     found = asked("import sys; sys.modules['comanip.kernels._native'] = None\n" + twice, COMANIP_KERNELS="")
     assert found.stdout.count("learned from 2 recordings") == 2
     assert found.stderr == f"note: {kernels.ABSENT.removeprefix('numpy: ')}\n"

@@ -6,12 +6,12 @@ import pytest
 from comanip import kernels
 from comanip.models import gmm as mixtures
 from comanip.models import hmm
-from comanip.models.estimators import gaussian_hmm
-from comanip.models.estimators import gmm as gmm_module
-from comanip.models.estimators.base import EstimatorError
-from comanip.models.estimators.gaussian_hmm import GaussianHMM
-from comanip.models.estimators.gmm import GMM
 from comanip.models.gmr import regress
+from comanip.peers import gaussian_hmm
+from comanip.peers import gmm as gmm_module
+from comanip.peers.base import EstimatorError
+from comanip.peers.gaussian_hmm import GaussianHMM
+from comanip.peers.gmm import GMM
 from toys import random_gmm, random_hmm
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")

@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from comanip import kernels
-from comanip.models import baum_welch, gmm, hmm, hsmm
-from comanip.models.baum_welch import Chain
+from comanip.fitting import baum_welch
+from comanip.fitting.baum_welch import Chain
+from comanip.models import gmm, hmm, hsmm
 from comanip.models.chains import best_path, log_of
 from comanip.models.filtering import ForwardFilter
 from comanip.models.gaussian import whitening

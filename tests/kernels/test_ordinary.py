@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from comanip import kernels
 from comanip.interfaces import Command, Observation
-from comanip.skills.envelope import RUN, Envelope, Limits
-from comanip.skills.ordinary import LENT, SCALARS, VECTORS, Ordinary
+from comanip.safety.compiled_tick import LENT, SCALARS, VECTORS, Ordinary
+from comanip.safety.envelope import RUN, Envelope, Limits
 from envelopes import Dictated
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")

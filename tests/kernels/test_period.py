@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from comanip import kernels
-from comanip.humans import Legs, Plan, Unsteadiness, Yielding
 from comanip.interfaces import Command, Observation
+from comanip.people.intent import Legs, Plan, Unsteadiness, Yielding
+from comanip.people.misbehaving import Blocks
+from comanip.people.partners import Arm, HumanFollower, HumanLeader, HumanSharing
 from comanip.plants.beam import Beam, BeamPlant, WristSensor
-from comanip.plants.misbehaving import Blocks
-from comanip.plants.partners import Arm, HumanFollower, HumanLeader, HumanSharing
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
 AXES = (("z",), ("x",), ("z", "x"), ("y", "z", "x"))  # x lies along the beam

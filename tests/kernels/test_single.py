@@ -9,12 +9,13 @@ from hypothesis import strategies as st
 
 from comanip import kernels
 from comanip.errors import InternalError, ParameterError
-from comanip.models import baum_welch, gmm, hmm
-from comanip.models.baum_welch import Chain
+from comanip.fitting import baum_welch
+from comanip.fitting.baum_welch import Chain
+from comanip.fitting.climb import climb_fast_first
+from comanip.models import gmm, hmm
 from comanip.models.gaussian import whitening
 from comanip.models.gmm import fit_gmm
 from comanip.models.hmm import Hmm, fit_hmm
-from comanip.models.learning import climb_fast_first
 from comanip.models.rollout import roll_out
 from kernels.test_twins import LEVELS, chain, lessons_of
 from toys import agree, random_gmm, random_hmm

@@ -7,15 +7,16 @@ from hypothesis import strategies as st
 
 from comanip import kernels
 from comanip.errors import ParameterError
+from comanip.fitting import baum_welch
+from comanip.fitting.baum_welch import Chain
+from comanip.fitting.coordinates import Lessons
 from comanip.kernels.plan import MARGIN, WHOLE, WIDE_MARGIN, plan
-from comanip.models import baum_welch, gmm, hmm
-from comanip.models.baum_welch import Chain
+from comanip.models import gmm, hmm
 from comanip.models.chains import log_of
 from comanip.models.filtering import ForwardFilter
 from comanip.models.gaussian import whitening
 from comanip.models.gmr import Regression
 from comanip.models.hmm import Hmm
-from comanip.models.lessons import Lessons
 from comanip.models.rollout import RollOuts, roll_out
 from toys import agree, random_covariances, random_gmm, random_hmm, resident
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from comanip.reproduction import make_skill
-from comanip.skills.checker import Checker
-from comanip.skills.envelope import Limits
+from comanip.safety.checker import Checker
+from comanip.safety.envelope import Limits
 from comanip.trials import draw_case, run_case
 from envelopes import DT, Bench
 

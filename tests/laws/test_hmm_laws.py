@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from comanip.errors import ComanipWarning, InternalError
+from comanip.fitting.climb import climb
 from comanip.models import chains, hmm
 from comanip.models.gaussian import log_density
 from comanip.models.hmm import Hmm, fit_hmm
-from comanip.models.learning import climb
 from toys import CHANNELS, lifts, random_hmm
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from comanip.errors import ParameterError
-from comanip.models.selection import select_states
+from comanip.fitting.selection import select_states
 from toys import CHANNELS, lifts
 
 

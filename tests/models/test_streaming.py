@@ -15,11 +15,11 @@ import pytest
 
 import comanip
 from comanip.errors import ChannelError, RecordingError, SkillFileError, TrainingError
-from comanip.learned import learn
+from comanip.fitting.streaming import fit_stream
+from comanip.learned.skill import learn
+from comanip.learned.stream import learn_stream
+from comanip.lessons.shards import ParquetShards, RecordingShards, files_of
 from comanip.models.hmm import fit_hmm
-from comanip.models.streaming import fit_stream
-from comanip.shards import ParquetShards, RecordingShards, files_of
-from comanip.streamed import learn_stream
 from toys import CHANNELS, Stored, lifts
 
 pytestmark = pytest.mark.filterwarnings("ignore::comanip.errors.ComanipWarning")
@@ -81,7 +81,7 @@ WORKER = """
 import sys, time, warnings
 warnings.simplefilter("ignore")
 sys.path.insert(0, {tests!r})
-from comanip.models.streaming import fit_stream
+from comanip.fitting.streaming import fit_stream
 from toys import CHANNELS, Stored
 fit_stream({paths!r}, 4, channels=CHANNELS, read=Stored(), stepwise_passes=1, batch=2, max_iterations=12, tolerance=0.0,
            checkpoint={checkpoint!r}, checkpoint_every=1, progress=lambda *_: time.sleep(0.03))
@@ -170,7 +170,7 @@ LEROBOT = dict(zip(CHANNELS, ("observation.state[0]", "observation.state[1]", "a
 
 @pytest.mark.parametrize("piece", [64, 100, 65_536])
 def test_parquet_gives_back_every_sequence_however_it_is_cut(tmp_path, monkeypatch, piece):
-    monkeypatch.setattr("comanip.shards.PIECE", piece)
+    monkeypatch.setattr("comanip.lessons.shards.PIECE", piece)
     sequences = lifts(5)
     lerobot(tmp_path, sequences, per_file=2)
     paths = files_of([tmp_path])
@@ -213,8 +213,8 @@ def test_a_skill_from_shards_is_the_skill_from_memory(tmp_path, lessons):
 
 
 def test_recordings_are_shards_too(tmp_path, lessons):
-    from comanip.demonstration import Preparation
     from comanip.formats import Columns
+    from comanip.lessons.demonstration import Preparation
 
     names = ("position.z", "force.z", "velocity.z")
     for i, lesson in enumerate(lessons["leader"][:3]):
@@ -246,8 +246,8 @@ def test_a_cluster_gives_the_same_bits(shards, tmp_path):
 MEMORY = """
 import resource, sys, warnings
 warnings.simplefilter("ignore")
-from comanip.models.streaming import fit_stream
-from comanip.shards import ParquetShards
+from comanip.fitting.streaming import fit_stream
+from comanip.lessons.shards import ParquetShards
 names = [f"c.{{i}}" for i in range(7)]
 read = ParquetShards({{n: n for n in names}})
 next(iter(read({paths!r}[0])))

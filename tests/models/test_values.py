@@ -9,10 +9,10 @@ import pytest
 import comanip
 from comanip import Hmm, Hsmm, fit_gmm, fit_hmm, fit_hsmm, select_states
 from comanip.errors import ChannelError, ParameterError
+from comanip.fitting.baum_welch import most_likely_rows
+from comanip.fitting.climb import k_means
 from comanip.models import gmm, hmm
-from comanip.models.baum_welch import most_likely_rows
 from comanip.models.gmr import Regression, regress
-from comanip.models.learning import k_means
 from toys import CHANNELS, lifts, random_gmm, random_hmm
 
 GOOD = {

@@ -4,13 +4,9 @@ import numpy as np
 import pytest
 
 from comanip import GMM, MVN, GaussianMixtureRegressor
-from comanip.models.estimators.gmm import (
-    covariance_initialization,
-    kmeansplusplus_initialization,
-    plot_error_ellipses,
-)
 from comanip.models.gmm import in_confidence_region, log_likelihood, responsibilities
 from comanip.models.gmr import regress
+from comanip.peers.gmm import covariance_initialization, kmeansplusplus_initialization, plot_error_ellipses
 from toys import random_gmm
 
 gmr = pytest.importorskip("gmr")

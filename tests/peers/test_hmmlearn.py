@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from comanip import GaussianHMM
+from comanip.fitting.baum_welch import most_likely_rows
+from comanip.fitting.climb import weighted_gaussians
 from comanip.models import chains, hmm
-from comanip.models.baum_welch import most_likely_rows
 from comanip.models.gaussian import log_density
 from comanip.models.hmm import fit_hmm
-from comanip.models.learning import weighted_gaussians
 from toys import CHANNELS, lifts, random_hmm
 
 hmmlearn_hmm = pytest.importorskip("hmmlearn.hmm")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from comanip.errors import ParameterError
-from comanip.exact_step import second_order_step
 from comanip.interfaces import STANDARD_GRAVITY, Command, Observation
+from comanip.people.partners import Arm, HumanFollower, HumanLeader, Plan, Unsteadiness, minimum_jerk
 from comanip.plants.beam import Beam, BeamPlant, WristSensor
-from comanip.plants.partners import Arm, HumanFollower, HumanLeader, Plan, Unsteadiness, minimum_jerk
+from comanip.signals.second_order import second_order_step
 
 QUIET = WristSensor(noise_n=0.0, bias_n=0.0, delay_s=0.0)
 STEADY = Unsteadiness(0.0, 0.0, 0.08, 0.0)

@@ -15,15 +15,15 @@ import numpy as np
 import pytest
 
 from comanip import teaching
-from comanip.cli import main
+from comanip.commands.app import main
 from comanip.errors import ParameterError
 from comanip.formats import read
 from comanip.interfaces import STANDARD_GRAVITY
 from comanip.loop import run
+from comanip.people.partners import Arm, HumanLeader, Plan, minimum_jerk
 from comanip.plants.beam import BeamPlant, WristSensor
 from comanip.plants.humanoid import load_robot
 from comanip.plants.humanoid.self_collision import SelfCollision
-from comanip.plants.partners import Arm, HumanLeader, Plan, minimum_jerk
 from humanoids import HALF, QUIET, Follows, Pulling, lift, plant_of, still
 
 mujoco = pytest.importorskip("mujoco", reason="the humanoid needs comanip[humanoid]")

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from comanip.demonstration import demonstration
-from comanip.filters import smooth
 from comanip.interaction import TaringInteractionForce, gravity_along, identify_payload
 from comanip.interfaces import STANDARD_GRAVITY
+from comanip.lessons.demonstration import demonstration
 from comanip.loop import run
+from comanip.people.partners import minimum_jerk
 from comanip.plants.beam import Beam, BeamPlant, WristSensor
 from comanip.plants.humanoid import EQUIVALENT_BEAM
 from comanip.plants.humanoid.plant import HumanoidPlant
-from comanip.plants.partners import minimum_jerk
 from comanip.recording import Recording
 from comanip.reproduction import make_skill
+from comanip.signals.filters import smooth
 from comanip.trials import Case, judge, partner_of
 from humanoids import HALF, Follows, Pulling, lift, plant_of, still
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from comanip.errors import ParameterError
+from comanip.people.partners import minimum_jerk
 from comanip.plants.humanoid import InverseKinematics, load_robot
 from comanip.plants.humanoid.scene import build
-from comanip.plants.partners import minimum_jerk
 
 mujoco = pytest.importorskip("mujoco", reason="the humanoid needs comanip[humanoid]")
 

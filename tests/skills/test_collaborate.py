@@ -9,7 +9,7 @@ import pytest
 
 from comanip.errors import MismatchError, ParameterError
 from comanip.interfaces import Command, Observation
-from comanip.learned import learn
+from comanip.learned.skill import learn
 from comanip.reproduction import make_skill
 from comanip.skills.collaborate import CollaborativeLaw
 from comanip.skills.reference import PhaseReference

@@ -10,16 +10,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from comanip.demonstration import demonstrations
 from comanip.errors import MismatchError
-from comanip.humans import Legs
 from comanip.interaction import TaringInteractionForce, gravity_along
 from comanip.interfaces import Command, Observation
-from comanip.learned import learn
+from comanip.learned.skill import learn
+from comanip.lessons.demonstration import demonstrations
 from comanip.loop import run
+from comanip.people.intent import Legs
+from comanip.people.misbehaving import Switches
+from comanip.people.partners import HumanFollower, HumanLeader
 from comanip.plants.beam import BeamPlant
-from comanip.plants.misbehaving import Switches
-from comanip.plants.partners import HumanFollower, HumanLeader
 from comanip.reproduction import make_auto, make_skill
 from comanip.skills.collaborate import CollaborativeLaw
 from comanip.skills.roles import FOLLOWS, LEADS, PROBES, RoleEvidence, RolePolicy, RoleSkill

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from comanip import kernels
 from comanip.interfaces import Command, Observation
 from comanip.loop import run
+from comanip.people.partners import HumanFollower
 from comanip.plants.beam import BeamPlant
-from comanip.plants.partners import HumanFollower
 from comanip.reproduction import make_skill
 from comanip.skills.collaborate import CollaborativeLaw, Compliance, Pace, command_velocity
 from comanip.skills.reference import PhaseReference

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from comanip.skills.watching import Jump, LetGo, Shaking
+from comanip.safety.detectors import Jump, LetGo, Shaking
 
 DT, WEIGHT = 0.01, 9.8
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from comanip.errors import ParameterError
-from comanip.plants.misbehaving import Blocks, LetsGo, Switches
+from comanip.people.misbehaving import Blocks, LetsGo, Switches
 from comanip.trials import MISBEHAVIOURS, draw_case
 from comanip.trials.cases import ROLES
 

@@ -81,7 +81,7 @@ def test_no_file_and_no_python_file_are_said(tmp_path, case):
 
 
 GOES = """
-from comanip.plants.partners import Arm, HumanLeader, Legs
+from comanip.people.partners import Arm, HumanLeader, Legs
 
 def partner(case, rng):
     arm = Arm(carried_n=case.carried_n)
@@ -117,7 +117,7 @@ def test_the_command_line_tries_a_skill_with_them(tmp_path):
     (tmp_path / "people.py").write_text(TOLD)
     words = ["--role", "follower", "--partners-from", "people.py", "--partners", "2", "--workers", "1", "--json"]
     done = subprocess.run(
-        [sys.executable, "-m", "comanip.cli", "trial", *words], capture_output=True, text=True, cwd=tmp_path, check=True
+        [sys.executable, "-m", "comanip", "trial", *words], capture_output=True, text=True, cwd=tmp_path, check=True
     )
     result = json.loads(done.stdout)["follower"]["default"]
     assert result["partners"] == 2

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from .. import skill_file
-from ..demonstration import Demonstration, demonstrations
 from ..evaluation import prediction
-from ..learned import LearnedSkill, learn
+from ..learned import file as skill_file
+from ..learned.skill import LearnedSkill, learn
+from ..lessons.demonstration import Demonstration, demonstrations
 from ..recording import Recording
 from ..reproduction import make_skill
 from ..teaching import ROLES
@@ -27,7 +27,7 @@ LAWS = ("default", "paper", "mass-damper")
 
 
 def demo(out: Path, seed: int, plant: str | None, json: bool) -> None:
-    from ..evaluation import figures
+    from ..evaluation import drawing as figures
     from ..web import report
 
     say_if_slow()

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from .. import skill_file
-from ..cli_flags import DataFlags, LearnFlags
-from ..demonstration import Demonstration
 from ..errors import ParameterError, SkillFileError
-from ..learned import LAWS, STATES, LearnedSkill
-from ..learned import learn as learn_skill
+from ..learned import file as skill_file
+from ..learned.skill import LAWS, STATES, LearnedSkill
+from ..learned.skill import learn as learn_skill
+from ..lessons.demonstration import Demonstration
 from .console import print_json, progress, say_if_slow, stages, table
+from .flags import DataFlags, LearnFlags
 from .reading import read_each, read_lessons, read_recordings, reader_of
 
 
@@ -54,8 +54,8 @@ def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, 
 
 
 def _learn_stream(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, json: bool) -> None:
-    from ..shards import files_of
-    from ..streamed import learn_stream
+    from ..learned.stream import learn_stream
+    from ..lessons.shards import files_of
 
     if flags.states == "auto" or flags.restarts != 1:
         raise ParameterError("--states auto and --restarts need data in memory; try them on some of the files without --stream")
@@ -212,7 +212,7 @@ def _options(lessons: Sequence[Demonstration], flags: LearnFlags, *, role: str |
 
 
 def _choose_states(lessons: Sequence[Demonstration], flags: LearnFlags) -> int:
-    from ..models.selection import select_states
+    from ..fitting.selection import select_states
 
     say_if_slow()
     groups = ("position", "velocity") if flags.no_force else ("position", "force", "velocity")
@@ -339,7 +339,7 @@ def _print_notes(notes: Sequence[str]) -> None:
 
 
 def _draw(plot: Path, skills: dict[Path, LearnedSkill], files: Sequence[Path], data: DataFlags) -> None:
-    from ..evaluation import figures
+    from ..evaluation import drawing as figures
 
     if skills and files:
         raise SkillFileError("--plot draws skills or recordings, not both at once")

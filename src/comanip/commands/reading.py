@@ -7,14 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..cli_flags import DataFlags
-from ..demonstration import Demonstration, Preparation, demonstrations
 from ..errors import ParameterError, RecordingError
 from ..formats import read
 from ..formats.columns import Columns, split_columns
 from ..interaction import Payload
+from ..lessons.demonstration import Demonstration, Preparation, demonstrations
+from ..lessons.shards import ParquetShards, RecordingShards, rate_of
 from ..recording import Recording
-from ..shards import ParquetShards, RecordingShards, rate_of
+from .flags import DataFlags
 
 NOT_FOR_PARQUET = ("sensor_force", "time", "resample_hz", "extra", "position_unit", "velocity_unit", "force_unit", "time_unit",
                    "load_mass_kg", "trim_rest_s", "drop_bad", "split_gaps")  # fmt: skip

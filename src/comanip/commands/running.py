@@ -12,17 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from .. import skill_file
-from ..cli_flags import DataFlags
-from ..demonstration import demonstrations
 from ..devices.link import Network
 from ..errors import ComanipWarning, ParameterError
 from ..formats import write
 from ..formats.background import writing
 from ..formats.live import LiveFile
 from ..interfaces import Tap
-from ..learned import LearnedSkill
-from ..learned import learn as learn_skill
+from ..learned import file as skill_file
+from ..learned.skill import LearnedSkill
+from ..learned.skill import learn as learn_skill
+from ..lessons.demonstration import demonstrations
 from ..loop import SimulatedClock, WallClock, run
 from ..plants.replay import ReplayPlant
 from ..recording import Recording
@@ -31,6 +30,7 @@ from ..teaching import DYADS, PHANTOM, Coupling
 from ..teaching import teach as record_lessons
 from ..trials import draw_case, judge, run_case
 from .console import print_json, progress, say_if_slow, table
+from .flags import DataFlags
 from .reading import read_lessons
 
 LESSON_RATE_HZ = 100.0
@@ -143,7 +143,7 @@ def reproduce(
             file.discard()
         result["recording"] = str(out)
     if plot is not None:
-        from ..evaluation import figures
+        from ..evaluation import drawing as figures
 
         figures.save(figures.reproduction(recording, title=f"{path.stem}, law {result['law']}"), plot)
         result["picture"] = str(plot)

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from .. import skill_file
 from ..errors import ParameterError
-from ..learned import LearnedSkill
+from ..learned import file as skill_file
+from ..learned.skill import LearnedSkill
 from ..trials import LAWS, Case, Verdict, draw_case, partner_of, run_cases, success_interval
 from ..trials.cases import ROLES
 from ..trials.foreign import PartnersFrom
@@ -86,7 +86,7 @@ def _draw_worst(
     folder: Path,
 ) -> list[str]:
     """Pictures of the ten worst runs: failures first, then by effort."""
-    from ..evaluation import figures
+    from ..evaluation import drawing as figures
 
     order = sorted(range(len(cases)), key=lambda i: (verdicts[i].success, -verdicts[i].effort_n2s))[:WORST]
     folder.mkdir(parents=True, exist_ok=True)

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..demonstration import Demonstration
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
-from ..learned import LearnedSkill, learn
+from ..learned.skill import LearnedSkill, learn
+from ..lessons.demonstration import Demonstration
 from ..loop import run
 from ..models.filtering import ForwardFilter
 from ..models.gmr import Regression

@@ -10,6 +10,18 @@ import numpy as np
 
 from .. import kernels
 from ..errors import ChannelError, ParameterError
+from ..fitting.climb import (
+    Fit,
+    best_climb,
+    first_guess,
+    fit_of,
+    gaussians_of_labels,
+    gaussians_of_moments,
+    guessed_gaussians,
+    kept_states,
+    moments_about,
+)
+from ..fitting.coordinates import Lessons, prepare
 from ..interfaces import Array
 from .gaussian import (
     channel_names,
@@ -23,18 +35,6 @@ from .gaussian import (
     suits_float32,
     whitening,
 )
-from .learning import (
-    Fit,
-    best_climb,
-    first_guess,
-    fit_of,
-    gaussians_of_labels,
-    gaussians_of_moments,
-    guessed_gaussians,
-    kept_states,
-    moments_about,
-)
-from .lessons import Lessons, prepare
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,7 @@ import numpy as np
 
 from .. import kernels
 from ..errors import ChannelError, ParameterError
-from ..interfaces import Array
-from . import chains
-from .baum_welch import (
+from ..fitting.baum_welch import (
     Chain,
     allowed_rows,
     allowed_transitions,
@@ -28,6 +26,10 @@ from .baum_welch import (
     maximise,
     rows_of_states,
 )
+from ..fitting.climb import Fit, best_climb, first_guess, fit_of, guessed_gaussians, kept_states
+from ..fitting.coordinates import Coordinates, Lessons, prepare
+from ..interfaces import Array
+from . import chains
 from .gaussian import (
     Whitening,
     channel_names,
@@ -38,8 +40,6 @@ from .gaussian import (
     suits_float32,
     whitening,
 )
-from .learning import Fit, best_climb, first_guess, fit_of, guessed_gaussians, kept_states
-from .lessons import Coordinates, Lessons, prepare
 
 
 @dataclass(frozen=True, eq=False)

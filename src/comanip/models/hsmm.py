@@ -14,9 +14,7 @@ import numpy as np
 
 from .. import kernels
 from ..errors import ParameterError
-from ..interfaces import Array
-from . import segments
-from .baum_welch import (
+from ..fitting.baum_welch import (
     allowed_rows,
     allowed_transitions,
     check_options,
@@ -26,11 +24,7 @@ from .baum_welch import (
     most_likely_rows,
     rows_of_states,
 )
-from .chains import IMPOSSIBLE, log_of, padded
-from .durations import most_likely, of_mean, table
-from .gaussian import Whitening, channel_names, gaussian_blocks, log_density, probabilities, whitening
-from .hmm import Hmm, Posteriors, Sample, frames_of
-from .learning import (
+from ..fitting.climb import (
     Fit,
     best_climb,
     first_guess,
@@ -41,7 +35,13 @@ from .learning import (
     kept_states,
     moments_about,
 )
-from .lessons import Lessons, prepare
+from ..fitting.coordinates import Lessons, prepare
+from ..interfaces import Array
+from . import segments
+from .chains import IMPOSSIBLE, log_of, padded
+from .durations import most_likely, of_mean, table
+from .gaussian import Whitening, channel_names, gaussian_blocks, log_density, probabilities, whitening
+from .hmm import Hmm, Posteriors, Sample, frames_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,9 +22,9 @@ import numpy as np
 
 from .. import kernels
 from ..errors import ParameterError
-from ..exact_step import second_order_step
-from ..humans import BLOCK
 from ..interfaces import STANDARD_GRAVITY, Array, Command, Observation, Partner
+from ..people.intent import BLOCK
+from ..signals.second_order import second_order_step
 
 
 @dataclass(frozen=True)

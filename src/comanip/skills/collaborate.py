@@ -29,8 +29,8 @@ from ..interfaces import Array, Command, Observation
 from ..models.filtering import ForwardFilter
 from ..models.gmm import Gmm
 from ..models.hmm import Hmm
+from ..signals.vectors import dot, length
 from .reference import PhaseReference
-from .vectors import dot, length
 
 ROLES = ("leader", "follower")
 

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import ParameterError
-from ..exact_step import second_order_step
 from ..interfaces import Array, Command, Observation
 from ..models.filtering import ForwardFilter
 from ..models.gaussian import log_density, marginal, normalised
 from ..models.gmr import Regression
 from ..models.hmm import Hmm
 from ..recording import expand
+from ..signals.second_order import second_order_step
 
 
 @dataclass(frozen=True)

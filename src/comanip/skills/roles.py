@@ -21,9 +21,9 @@ from ..errors import MismatchError
 from ..interfaces import Array, Command, Observation
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
+from ..signals.vectors import dot, length, plain_sum
 from .collaborate import CollaborativeLaw, Compliance, Pace, Watch, command_velocity, compiled, memory, outside_taught
 from .reference import PhaseReference
-from .vectors import dot, length, plain_sum
 
 GAINS = (0.1, 0.2, 0.4, 0.8)  # how strong this partner is beside those of the lessons
 FOLLOWS, PROBES, LEADS = "follows", "offers to lead", "leads"

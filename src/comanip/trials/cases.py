@@ -13,8 +13,8 @@ import numpy as np
 
 from ..errors import ParameterError
 from ..interfaces import STANDARD_GRAVITY, Array, Partner
-from ..plants.misbehaving import Blocks, LetsGo, Switches
-from ..plants.partners import Arm, HumanFollower, HumanLeader, Legs, Unsteadiness, Yielding
+from ..people.misbehaving import Blocks, LetsGo, Switches
+from ..people.partners import Arm, HumanFollower, HumanLeader, Legs, Unsteadiness, Yielding
 
 ROLES = ("leader", "follower", "auto")
 MISBEHAVIOURS = ("hesitates", "reverses", "blocks", "lets go", "changes role")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from ..errors import ParameterError
 from ..interfaces import Skill
-from ..learned import LearnedSkill
+from ..learned.skill import LearnedSkill
 from ..reproduction import enveloped, make_auto, make_skill
 from ..skills.baselines import ActivePassive, Homotopy, MassDamper, MinimumJerkFollower, VariableDamping
 from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill

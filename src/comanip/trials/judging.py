@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..evaluation.metrics import effort, effort_share, internal_force, log_dimensionless_jerk, work
-from ..filters import smooth
 from ..interfaces import STANDARD_GRAVITY, Array
 from ..recording import Recording
-from ..skills.envelope import Limits
+from ..safety.envelope import Limits
+from ..signals.filters import smooth
 from .cases import AUTO_PATIENCE_S, Case
 
 FORCE_CUTOFF_HZ = 15.0  # what a hand can feel, and what the skill's force estimator passes

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..engine import each
 from ..errors import ParameterError
 from ..interaction import TaringInteractionForce, gravity_along
 from ..interfaces import Partner, Plant, Skill, Tap
-from ..learned import LearnedSkill
+from ..learned.skill import LearnedSkill
 from ..loop import Clock, run
+from ..parallel import each
 from ..plants.beam import Beam, BeamPlant, WristSensor
 from ..recording import Recording
 from .cases import Case, partner_of

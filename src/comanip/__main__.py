@@ -1,0 +1,5 @@
+"""`python -m comanip`."""
+
+from .commands.app import main
+
+main()

@@ -1,0 +1,257 @@
+"""The command line: the only place where parts are chosen by name.
+
+Results go to standard output (with --json as one JSON document), progress and warnings to standard error. Exit code 2 and one
+line for input that cannot be used.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import App, CycloptsError, Group, Parameter
+
+from .. import __version__
+from .flags import BackendFlags, DataFlags, LearnFlags
+
+app = App(
+    name="comanip",
+    version=__version__,
+    help="Teach a robot to handle things together with a person, by demonstration, with force.",
+    help_format="plaintext",
+)
+_DATA = Group("Reading data (the same flags on every command that reads data)", sort_key=10)
+_LEARN = Group("Learning", sort_key=5)
+
+Data = Annotated[DataFlags, Parameter(name="*", group=_DATA)]
+Learning = Annotated[LearnFlags, Parameter(name="*", group=_LEARN)]
+Where = Annotated[BackendFlags, Parameter(name="*", group=_LEARN)]
+Json = Annotated[bool, Parameter(name="--json", negative="", help="Print the result as one JSON document.")]
+Out = Annotated[Path, Parameter(name=["--out", "-o"])]
+Plant = Annotated[Literal["beam", "humanoid"], Parameter(help="beam: exact and fast; humanoid: in physics, needs mujoco.")]
+Law = Literal["default", "paper"]
+
+
+def main() -> None:
+    """Entry point; never a traceback for a mistake in the input."""
+    import warnings
+
+    from ..errors import ComanipError
+
+    def show(message: Any, category: Any, *_: Any, **__: Any) -> None:
+        print(f"warning: {message}", file=sys.stderr)
+
+    warnings.showwarning = show
+    try:
+        app(exit_on_error=False, print_error=False, help_on_error=False)
+    except (CycloptsError, ComanipError) as error:
+        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        print(f"error: {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.exit(0)
+
+
+@app.command
+def learn(
+    files: Annotated[list[Path], Parameter(consume_multiple=True)],
+    /,
+    *,
+    out: Out = Path("skill.json"),
+    data: Data = DataFlags(),
+    learning: Learning = LearnFlags(),
+    where: Where = BackendFlags(),
+    json: Json = False,
+) -> None:
+    """Learn a skill from recordings of one role: comanip learn lesson*.csv -o skill.json
+
+    FILES may be .mcap, .csv, .npy, .npz, .mat or a folder of CSV files that belong together.
+    """
+    from ..parallel import backend
+    from . import learning as command
+
+    with backend(where.backend, address=where.address):
+        command.learn(files, out, data, learning, json)
+
+
+@app.command
+def evaluate(
+    files: Annotated[list[Path], Parameter(consume_multiple=True)],
+    /,
+    *,
+    leave_one_out: Annotated[bool, Parameter(negative="")] = False,
+    data: Data = DataFlags(),
+    learning: Learning = LearnFlags(),
+    json: Json = False,
+) -> None:
+    """Say how well a skill predicts recordings: comanip evaluate skill.json lesson*.csv
+
+    With --leave-one-out no skill file is given: each recording is predicted by a skill learned from the others.
+    One-step velocity: from each frame's position and force. Free run: only the recorded force is given after the first frame.
+    """
+    from . import learning as command
+
+    command.evaluate(files, leave_one_out, data, learning, json)
+
+
+@app.command
+def classify(
+    files: Annotated[list[Path], Parameter(consume_multiple=True)],
+    /,
+    *,
+    skill: Annotated[list[Path], Parameter(name="--skill")],
+    data: Data = DataFlags(),
+    json: Json = False,
+) -> None:
+    """Tell which skill each recording shows: comanip classify run.csv --skill leader.json --skill follower.json"""
+    from . import learning as command
+
+    command.classify(files, skill, data, json)
+
+
+@app.command
+def inspect(
+    files: Annotated[list[Path], Parameter(consume_multiple=True)],
+    /,
+    *,
+    plot: Annotated[Path | None, Parameter(help="Draw it into this .png, .svg or .pdf.")] = None,
+    data: Data = DataFlags(),
+    json: Json = False,
+) -> None:
+    """Show what recordings or skill files hold: channels, units, rates, states, notes."""
+    from . import learning as command
+
+    command.inspect(files, plot, data, json)
+
+
+@app.command
+def convert(file: Path, out: Path, /, *, data: Data = DataFlags(), json: Json = False) -> None:
+    """Rewrite one recording as .mcap or .csv: comanip convert lift.csv lift.mcap --position z --force Fz --rate-hz 100"""
+    from . import learning as command
+
+    command.convert(file, out, data, json)
+
+
+@app.command
+def teach(
+    *,
+    role: Annotated[Literal["leader", "follower", "natural"], Parameter(help="Of the robot; natural: nobody is told one.")],
+    lessons: int = 5,
+    dyad: Annotated[Literal["a", "b", "c"], Parameter(help="Which two people.")] = "a",
+    device: Annotated[Literal["ideal", "phantom"], Parameter(help="What the teacher holds.")] = "ideal",
+    delay_ms: Annotated[float, Parameter(help="Round trip between device and robot.")] = 0.0,
+    passivity: Annotated[bool, Parameter(negative="", help="Take out the energy that delay makes.")] = False,
+    seed: int = 0,
+    plant: Plant = "beam",
+    out: Out = Path("lessons"),
+    json: Json = False,
+) -> None:
+    """Record lessons from a simulated teacher on a haptic handle with a simulated partner."""
+    from . import running as command
+
+    command.teach(role, lessons, dyad, device, delay_ms, passivity, seed, plant, out, json)
+
+
+@app.command
+def reproduce(
+    skill: Annotated[list[Path], Parameter(consume_multiple=True)],
+    /,
+    *,
+    seed: int = 7,
+    role: Annotated[
+        Literal["leader", "follower", "auto"] | None,
+        Parameter(help="auto: the robot is told nothing; give skills of both roles."),
+    ] = None,
+    law: Law | None = None,
+    plant: Plant = "beam",
+    dt: Annotated[float, Parameter(help="Control period [s].")] = 0.01,
+    force_from: Annotated[Path | None, Parameter(help="Replay the force of this recording instead of a partner.")] = None,
+    realtime: Annotated[
+        bool,
+        Parameter(negative="", help="Run on the wall clock; OUT.live.mcap grows with the run."),
+    ] = False,
+    out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="Keep the run as .mcap or .csv.")] = None,
+    plot: Annotated[Path | None, Parameter(help="Draw the run into this .png, .svg or .pdf.")] = None,
+    data: Data = DataFlags(),
+    json: Json = False,
+) -> None:
+    """Let a skill carry the beam with a simulated partner drawn by --seed, and judge what happened."""
+    from . import running as command
+
+    command.reproduce(skill, seed, role, law, plant, dt, force_from, realtime, out, plot, data, json)
+
+
+@app.command
+def trial(
+    *,
+    role: Annotated[
+        list[Literal["leader", "follower", "auto"]], Parameter(name="--role", help="auto: the robot is told nothing.")
+    ] = [
+        "leader",
+        "follower",
+    ],
+    partners: int = 200,
+    seed: int = 7,
+    plant: Plant = "beam",
+    law: Annotated[
+        list[str],
+        Parameter(
+            name="--law",
+            help="default, paper, mass-damper, damping, variable-damping, minimum-jerk, homotopy, active-passive; repeatable.",
+        ),
+    ] = ["default"],
+    skill: Annotated[list[Path], Parameter(name="--skill", help="Skill files; default: learned now from 5 lessons a role.")] = [],
+    partners_from: Annotated[Path | None, Parameter(help="A Python file that implements the Partner socket.")] = None,
+    misbehaving: Annotated[
+        float, Parameter(help="Share of partners who hesitate, reverse, block, let go or change role: safe behaviour counts.")
+    ] = 0.2,
+    pictures: Annotated[Path | None, Parameter(help="Draw the ten worst runs of each law into this folder.")] = None,
+    workers: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 0,
+    where: Where = BackendFlags(),
+    json: Json = False,
+) -> None:
+    """Try laws on many partners they have never met, in closed loop: success, effort, forces, reasons of failures."""
+    from ..parallel import backend
+    from . import trying as command
+
+    with backend(where.backend, address=where.address):
+        command.trial(role, partners, seed, plant, law, skill, partners_from, misbehaving, pictures, workers, json)
+
+
+@app.command
+def figures(
+    numbers: Annotated[
+        list[int], Parameter(help="Which of 1 to 7; default 2 to 7. 1 is rendered: needs mujoco and OSMesa or EGL.")
+    ] = [],
+    /,
+    *,
+    out: Out = Path("out/figures"),
+    seed: int = 0,
+    plant: Annotated[Plant | None, Parameter(help="Where lessons are taught; default the humanoid where mujoco is.")] = None,
+    json: Json = False,
+) -> None:
+    """Redraw Figures 2 to 7 of the paper and test their claims as numbers, with pass or fail."""
+    from . import figures as command
+
+    command.figures(numbers, out, seed, plant, json)
+
+
+@app.command
+def doctor(*, json: Json = False) -> None:
+    """Say what is installed here: versions, which kernels run and on which instruction set, which extras are present."""
+    from . import doctor as command
+
+    command.doctor(json)
+
+
+@app.command
+def demo(*, out: Out = Path("out"), seed: int = 0, plant: Plant | None = None, json: Json = False) -> None:
+    """Teach both roles, learn them, collaborate with partners never met, and write one HTML report about it."""
+    from . import demo as command
+
+    command.demo(out, seed, plant, json)

@@ -1,0 +1,1 @@
+"""How models are fitted: EM's loop, first guesses, coordinates, streams, the choice of K."""

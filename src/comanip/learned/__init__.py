@@ -1,0 +1,1 @@
+"""What was learned: the value, how it is made, how it is stored."""

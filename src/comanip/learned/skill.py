@@ -1,0 +1,208 @@
+"""From demonstrations to a LearnedSkill: the value that a skill file stores and that skills are made from."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from .. import __version__
+from ..errors import ChannelError, MismatchError, ParameterError
+from ..interfaces import Array
+from ..lessons.demonstration import Demonstration, check_set, require
+from ..models.clock import learn_clock
+from ..models.gmm import Gmm
+from ..models.hmm import Hmm, fit_hmm
+from ..models.stability import stability, warnings_of
+from ..recording import Passed, frozen
+
+LAWS = ("default", "paper")
+STATES = {"default": 10, "paper": 5}  # 5 is the paper's; 10 predicts better on every set that was tried (docs/results.md)
+SHAKING_N = 2.0  # an oscillation of this amplitude above the law's threshold is as much as one may ask a person to bear
+ALLOWED_DT_S = (0.0002, 0.05)
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedSkill(Passed):
+    """What was learned, with everything needed to run it or to refuse to.
+
+    model       Hmm over "position.*", "force.*", "velocity.*" (no force: learned without it)
+    clock       Gmm over ("phase", the same channels); None when the topology has no order in time
+    role, law   what the hand does ("leader", "follower", "" when nobody said) and the law that runs it by default
+    settings    arguments of that law that differ from its defaults
+    axes, dt    task axes, and the period of the lessons [s]
+    units       of each channel group, SI
+    workspace   (d, 2) the paper's W: positions met in the lessons, widened by half their range [m]
+    ends        (lessons, d) where each lesson ended [m]
+    provenance  lessons with their hashes, notes, likelihood, version: what somebody needs to trust or repeat it
+    """
+
+    model: Hmm
+    clock: Gmm | None
+    role: str
+    axes: tuple[str, ...]
+    dt: float
+    workspace: Array
+    ends: Array
+    law: str = "default"
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.law not in LAWS:
+            raise ParameterError(f"law {self.law!r} is unknown; there are: {', '.join(LAWS)}")
+        object.__setattr__(self, "axes", tuple(self.axes))
+        object.__setattr__(self, "workspace", frozen(self.workspace))
+        object.__setattr__(self, "ends", frozen(self.ends))
+        for name in ("settings", "units", "provenance"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    @property
+    def has_force(self) -> bool:
+        return any(c.startswith("force.") for c in self.model.channels)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return tuple(self.provenance.get("notes", ()))
+
+
+def learn(
+    demonstrations: Sequence[Demonstration],
+    *,
+    n_states: int | None = None,
+    law: str = "default",
+    role: str | None = None,
+    with_force: bool = True,
+    topology: str = "left-right",
+    initial_guess: str = "time",
+    restarts: int = 1,
+    rng: np.random.Generator | None = None,
+    covariance_floor: float = 1e-4,
+    settings: Mapping[str, Any] | None = None,
+) -> LearnedSkill:
+    """A skill from several lessons of one role; milliseconds for five lessons of a few seconds.
+
+    n_states   default 10 (law "default") or 5 (law "paper"); `models.selection.select_states` chooses by data
+    role       must agree with what the lessons say of themselves; None takes their word
+    with_force False learns position and velocity only (the paper's footnote 3)
+
+    Raises TrainingError, ChannelError or RecordingError that name the lesson and what to do.
+    """
+    lessons = list(demonstrations)
+    if law not in LAWS:
+        raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
+    groups = ("position", "force", "velocity") if with_force else ("position", "velocity")
+    require(lessons, groups)
+    notes = list(check_set(lessons, role=role))
+    n_states = STATES[law] if n_states is None else n_states
+    channels = _channels(lessons, groups)
+    frames = [lesson.array(channels) for lesson in lessons]
+    fit = fit_hmm(
+        frames,
+        n_states,
+        channels=channels,
+        topology=topology,
+        initial_guess=initial_guess,
+        restarts=restarts,
+        rng=rng,
+        covariance_floor=covariance_floor,
+    )
+    notes.extend(fit.notes)
+    notes.extend(stability_notes(fit.model, law, role or lessons[0].role, settings or {}))
+    dt = lessons[0].dt
+    ordered = topology == "left-right" and fit.model.n_states > 1
+    positions = [lesson.position for lesson in lessons]
+    return LearnedSkill(
+        model=fit.model,
+        clock=learn_clock(fit.model, frames, dt, covariance_floor=covariance_floor) if ordered else None,
+        role=role or _role(lessons),
+        axes=lessons[0].axes,
+        dt=dt,
+        workspace=workspace_around(positions),
+        ends=np.array([p[-1] for p in positions]),
+        law=law,
+        settings=settings or {},
+        units={g: lessons[0].units.get(g, "") for g in groups},
+        provenance={
+            "comanip": __version__,
+            "lessons": [{"name": x.name, "source": x.source, "sha256": x.sha256, "frames": len(x)} for x in lessons],
+            "notes": list(dict.fromkeys(note for lesson in lessons for note in lesson.notes)) + notes,
+            "log_likelihood": [float(v) for v in fit.log_likelihood],
+            "converged": fit.converged,
+            "bic": fit.bic,
+            "n_frames": fit.n_frames,
+            "topology": topology,
+        },
+    )
+
+
+def stability_notes(model: Hmm, law: str, role: str, settings: Mapping[str, Any]) -> list[str]:
+    """What is known of stability before anybody holds the other end, one warning a line; see `models.stability`."""
+    from ..skills.collaborate import CollaborativeLaw
+
+    compliant = CollaborativeLaw.for_role(role, **(settings if law == "default" else {}))
+    shaking = compliant.moving_damping_ns_per_m + SHAKING_N * compliant.shake_damping_ns_per_m_per_n
+    return warnings_of(stability(model), law, (compliant.virtual_mass_kg, shaking))
+
+
+def workspace_around(positions: Sequence[Array], margin: float = 0.5) -> Array:
+    """(d, 2) the box of all positions (T, d), each side moved out by `margin` of its range; never of zero width."""
+    low = np.min([p.min(axis=0) for p in positions], axis=0)
+    high = np.max([p.max(axis=0) for p in positions], axis=0)
+    room = np.maximum(margin * (high - low), 1e-3)
+    return np.column_stack([low - room, high + room])
+
+
+def check_fits(
+    learned: LearnedSkill,
+    *,
+    axes: Sequence[str],
+    dt: float,
+    role: str | None = None,
+    with_force: bool = True,
+    units: Mapping[str, str] | None = None,
+) -> None:
+    """Refuses to arm a skill that was learned for another robot. Raises MismatchError that names both sides."""
+    if tuple(axes) != learned.axes:
+        raise MismatchError(f"the skill moves axes {learned.axes}; this robot's task has {tuple(axes)}")
+    if not ALLOWED_DT_S[0] <= dt <= ALLOWED_DT_S[1]:
+        raise MismatchError(
+            f"control period {dt} s; a skill runs at {ALLOWED_DT_S[0]} to {ALLOWED_DT_S[1]} s (learned at {learned.dt} s)"
+        )
+    if not ALLOWED_DT_S[0] <= learned.dt <= ALLOWED_DT_S[1]:
+        raise MismatchError(f"the skill's lessons have a period of {learned.dt} s; resample them to 20-5000 Hz")
+    if role and learned.role and role != learned.role:
+        raise MismatchError(f"the skill was learned as {learned.role!r}; {role!r} was asked for")
+    if learned.has_force and not with_force:
+        raise MismatchError("the skill needs the interaction force; this robot measures none")
+    expected = [f"{g}.{a}" for g in ("position", "force", "velocity") for a in learned.axes]
+    stray = [c for c in learned.model.channels if c not in expected]
+    absent = [c for c in expected if c not in learned.model.channels and not c.startswith("force.")]
+    if stray or absent:
+        raise MismatchError(f"the skill's channels are {', '.join(learned.model.channels)}; a robot gives {', '.join(expected)}")
+    for group, unit in (units or {"position": "m", "velocity": "m/s", "force": "N"}).items():
+        has = learned.units.get(group, "")
+        if has and has != unit:
+            raise MismatchError(f"the skill's {group} is in {has!r}; this robot's is in {unit!r}")
+
+
+def _channels(lessons: Sequence[Demonstration], groups: Sequence[str]) -> tuple[str, ...]:
+    channels = tuple(c for c in lessons[0].channels if c.split(".")[0] in groups)
+    for lesson in lessons:
+        others = tuple(c for c in lesson.channels if c.split(".")[0] in groups)
+        if others != channels:
+            raise ChannelError(f"{lesson.name} has channels {others}, {lessons[0].name} has {channels}")
+    return channels
+
+
+def _role(lessons: Sequence[Demonstration]) -> str:
+    roles = {lesson.role for lesson in lessons}
+    if len(roles) > 1:
+        warnings.warn(f"lessons of several roles {sorted(roles)}: the skill states none", stacklevel=3)
+        return ""
+    return roles.pop()

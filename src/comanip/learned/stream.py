@@ -1,0 +1,144 @@
+"""A LearnedSkill from more lessons than memory holds: `learned.learn`, with every sum taken shard by shard."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import __version__
+from ..errors import ChannelError, ParameterError
+from ..fitting.baum_welch import Chain
+from ..fitting.climb import moments_about
+from ..fitting.streaming import Progress, Read, Source, fit_stream
+from ..interfaces import Array
+from ..models.clock import PHASE
+from ..models.gaussian import floored
+from ..models.gmm import Gmm
+from ..models.hmm import Hmm, _weights
+from ..parallel import each
+from .skill import LAWS, STATES, LearnedSkill
+
+UNITS = {"position": "m", "force": "N", "velocity": "m/s"}
+
+
+def learn_stream(
+    shards: Sequence[str | Path],
+    *,
+    read: Read,
+    channels: Sequence[str],
+    dt: float,
+    role: str = "",
+    law: str = "default",
+    n_states: int | None = None,
+    topology: str = "left-right",
+    covariance_floor: float = 1e-4,
+    n_jobs: int = 1,
+    progress: Progress | None = None,
+    **options: Any,
+) -> LearnedSkill:
+    """A skill from shards of lessons of one role, in SI units; `options` go to `fit_stream` (checkpoint, stepwise_passes ...).
+
+    read      path -> pieces, lists of (T, D) in the order of `channels`: position.*, force.* (or none), velocity.*
+    dt        period of all lessons [s]; nothing here can check it
+    """
+    if law not in LAWS:
+        raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
+    axes = tuple(c.split(".")[1] for c in channels if c.startswith("position."))
+    groups = list(dict.fromkeys(c.split(".")[0] for c in channels))
+    if groups not in (["position", "force", "velocity"], ["position", "velocity"]):
+        raise ChannelError(f"channels of a skill are position.*, force.* (or none), velocity.*; got {', '.join(channels)}")
+    fit = fit_stream(
+        shards, STATES[law] if n_states is None else n_states, channels=channels, read=read, topology=topology,
+        covariance_floor=covariance_floor, n_jobs=n_jobs, progress=progress, **options,
+    )  # fmt: skip
+    paths = [str(p) for p in shards]
+    source = Source(read, tuple(channels), fit.model.n_states + 1)
+    found = [part for shard in each(_occupancies, ((p, source, fit.model) for p in paths), n_jobs=n_jobs) for part in shard]
+    occupancy, ends, low, high = (np.concatenate(column) for column in zip(*found, strict=True))
+    box = np.column_stack([low.min(axis=0), high.max(axis=0)])
+    room = np.maximum(0.5 * (box[:, 1:] - box[:, :1]), 1e-3)
+    ordered = topology == "left-right" and fit.model.n_states > 1
+    clock = _clock(paths, source, fit.model, np.median(occupancy, axis=0), dt, covariance_floor, n_jobs) if ordered else None
+    return LearnedSkill(
+        model=fit.model,
+        clock=clock,
+        role=role,
+        axes=axes,
+        dt=dt,
+        workspace=box + room * [-1.0, 1.0],
+        ends=ends[:: max(1, len(ends) // MOST_ENDS)],
+        law=law,
+        units={g: UNITS[g] for g in groups},
+        provenance={
+            "comanip": __version__,
+            "lessons": [{"name": Path(p).name, "source": p} for p in paths],
+            "notes": list(fit.notes),
+            "log_likelihood": [float(v) for v in fit.log_likelihood],
+            "converged": fit.converged,
+            "bic": fit.bic,
+            "n_frames": fit.n_frames,
+            "topology": topology,
+        },
+    )
+
+
+MOST_ENDS = 1000  # a skill file is to be read by people: of a million lessons it keeps the ends of every thousandth
+
+
+def _pieces(path: str, source: Source, model: Hmm) -> Any:
+    """Sequences of each piece with their posteriors."""
+    p = Chain(model.initial, model.transition, model.means, model.covariances)
+    d = len(source.channels)
+    for lessons in source._replace(offset=np.zeros(d), scale=np.ones(d)).lessons(path):
+        cuts = np.cumsum(lessons.lengths)[:-1]
+        yield lessons, np.split(lessons.z, cuts), np.split(_weights(p, lessons), cuts)
+
+
+def _occupancies(path: str, source: Source, model: Hmm) -> list[tuple[Array, Array, Array, Array]]:
+    """Of each piece: frames in each state (S, K), ends (S, d), lowest and highest positions (1, d)."""
+    d = sum(c.startswith("position.") for c in source.channels)
+    return [
+        (
+            np.array([h.sum(axis=0) for h in weights]),
+            np.array([x[-1, :d] for x in frames]),
+            lessons.z[:, :d].min(axis=0, keepdims=True),
+            lessons.z[:, :d].max(axis=0, keepdims=True),
+        )
+        for lessons, frames, weights in _pieces(path, source, model)
+    ]
+
+
+def _phase_moments(path: str, source: Source, model: Hmm, usual: Array, origin: Array) -> Array:
+    """Moments (K, D + 2, D + 2) of (phase in frames, x) about `origin`, as in models/clock.py."""
+    sums = np.zeros((model.n_states, len(origin) + 1, len(origin) + 1))
+    for lessons, _, weights in _pieces(path, source, model):
+        phase = np.concatenate([np.cumsum(h @ (usual / np.maximum(h.sum(axis=0), 1e-9))) for h in weights])
+        sums += moments_about(origin, np.column_stack([phase, lessons.z]), np.concatenate(weights))
+    return sums
+
+
+def _clock(
+    paths: Sequence[str], source: Source, model: Hmm, usual: Array, dt: float, covariance_floor: float, n_jobs: int
+) -> Gmm:
+    """Joint density of phase and the model's channels: `models.clock.learn_clock` in one pass of sums."""
+    origin = np.concatenate([[0.5 * usual.sum()], model.means.mean(axis=0)])  # near the data: nothing cancels
+    work = ((p, source, model, usual, origin) for p in paths)
+    moments = np.zeros((model.n_states, len(origin) + 1, len(origin) + 1))
+    for part in each(_phase_moments, work, n_jobs=n_jobs):
+        moments += part
+    occupancy = np.maximum(moments[:, -1, -1], 1e-9)
+    shares, whole = moments / occupancy[:, None, None], moments.sum(axis=0) / moments[:, -1, -1].sum()
+    centres = shares[:, :-1, -1]
+    covariances = shares[:, :-1, :-1] - centres[:, :, None] * centres[:, None, :]
+    scale = np.sqrt(np.maximum(np.diag(whole)[:-1] - whole[:-1, -1] ** 2, 1e-24))
+    covariances = floored(covariances / np.outer(scale, scale), covariance_floor) * np.outer(scale, scale)
+    in_seconds = np.concatenate([[dt], np.ones(len(origin) - 1)])
+    return Gmm(
+        occupancy / occupancy.sum(),
+        (centres + origin) * in_seconds,
+        covariances * np.outer(in_seconds, in_seconds),
+        (PHASE, *model.channels),
+    )

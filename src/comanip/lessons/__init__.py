@@ -1,0 +1,1 @@
+"""Recordings become demonstrations, and what can be wrong with them is said."""

@@ -1,0 +1,408 @@
+"""From a Recording to a Demonstration: one rate, interaction force, nothing missing, every step in the notes."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from ..errors import ChannelError, ParameterError, RecordingError
+from ..interaction import Payload, gravity_along, interaction_force
+from ..interfaces import Array
+from ..recording import Channel, Passed, Recording, expand, frozen
+from ..signals.filters import MAX_CUTOFF, differentiate, integrate, smooth
+from .agreement import check_set, missing, require
+from .faults import (
+    MAX_RATE_RATIO,
+    Plausible,
+    check_force,
+    check_period,
+    check_plausible,
+    check_unit,
+    check_velocity,
+    cleaned,
+    gap_message,
+    gaps,
+    period,
+    rest_frames,
+    suspect,
+)
+from .stamps import one_rate
+
+__all__ = ["Demonstration", "Preparation", "check_set", "demonstration", "demonstrations", "require"]
+
+_ORDER = ("position", "force", "velocity")  # the paper's order of the datapoint
+_KIND = {"position": "position", "velocity": "velocity", "force": "force", "sensor_force": "force"}
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration(Passed):
+    """One lesson: signals of T frames at one rate, read-only.
+
+    dt        [s] between frames
+    signals   "position", "velocity", "force" (interaction force F, if there is one) and extras -> (T, d)
+    axes      (d,) names of the task axes
+    role      what the hand did: "leader", "follower"; "" when nobody said
+    source    the file it came from; sha256 of dt and signals; units per signal; notes on everything done to it
+    """
+
+    name: str
+    dt: float
+    signals: Mapping[str, Array]
+    axes: tuple[str, ...]
+    role: str = ""
+    source: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    signal_axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        signals = {name: frozen(values) for name, values in self.signals.items()}
+        shapes = {name: values.shape for name, values in signals.items()}
+        if len({shape[0] for shape in shapes.values()}) != 1 or any(len(shape) != 2 for shape in shapes.values()):
+            raise ChannelError(f"demonstration {self.name!r}: signals need one (T, d) each with one T; got {shapes}")
+        axes = {n: tuple(self.signal_axes.get(n, self.axes)) for n in signals}
+        for name, names in axes.items():
+            if len(names) != shapes[name][1]:
+                raise ChannelError(f"demonstration {self.name!r}: {name} {shapes[name]} for the axes {names}")
+        object.__setattr__(self, "signals", MappingProxyType(signals))
+        object.__setattr__(self, "units", MappingProxyType(dict(self.units)))
+        object.__setattr__(self, "signal_axes", MappingProxyType(axes))
+        object.__setattr__(self, "notes", tuple(self.notes))
+
+    def __len__(self) -> int:
+        return len(next(iter(self.signals.values())))
+
+    @property
+    def duration_s(self) -> float:
+        return (len(self) - 1) * self.dt
+
+    @property
+    def sha256(self) -> str:
+        """Of the data alone: the same lesson under two names has one hash."""
+        digest = hashlib.sha256(repr(self.dt).encode())
+        for name in sorted(self.signals):
+            digest.update(name.encode() + np.ascontiguousarray(self.signals[name]).tobytes())
+        return digest.hexdigest()
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Scalar names, "position.z", "force.z", "velocity.z", then extras: the columns of `array`."""
+        names = [n for n in _ORDER if n in self.signals] + [n for n in self.signals if n not in _ORDER]
+        return tuple(f"{n}.{axis}" for n in names for axis in self.signal_axes[n])
+
+    def array(self, names: str | Iterable[str]) -> Array:
+        """Chosen channels side by side, (T, D): "force" stands for all its axes."""
+        columns = {f"{n}.{a}": v[:, i] for n, v in self.signals.items() for i, a in enumerate(self.signal_axes[n])}
+        return np.stack([columns[name] for name in expand(names, self.channels)], axis=1)
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self.signals:
+            raise ChannelError(missing(name, self.signals, self.source or self.name))
+        return self.signals[name]
+
+    @property
+    def position(self) -> Array:
+        """(T, d) [m]"""
+        return self["position"]
+
+    @property
+    def velocity(self) -> Array:
+        """(T, d) [m/s]"""
+        return self["velocity"]
+
+    @property
+    def force(self) -> Array:
+        """(T, d) interaction force F, partner on hand [N]."""
+        return self["force"]
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """How recordings become demonstrations; every choice has a default that changes nothing unasked.
+
+    rate_hz             the one rate; default: the rate that the mapping stated, else the slowest channel's own
+    cutoff_hz           low-pass for derivatives and for F_s and a in eq. (3) [Hz]
+    trim_rest_s         keep at most this much rest at start and end [s]; None keeps all
+    payload, load_share eq. (3) for recordings of the raw F_s: the object, and this hand's share of it; default: what
+                        the recording states (metadata load_mass_kg or payload, load_share), else a share of 1/2
+    gravity             (d,) [m/s^2]; default: down along "z"
+    drop_bad            drop frames that are not finite instead of refusing the file
+    split_gaps          one demonstration for each piece between gaps (see `demonstrations`)
+    integrate_position  make up a missing position from the velocity, starting at 0
+    role                what the lessons must be: "leader", "follower"; must agree with the recording's own
+    extra               further channels to carry along
+    min_frames          shortest use: K + 1 for K states
+    plausible           ranges that reveal wrong units; None skips them
+    """
+
+    rate_hz: float | None = None
+    cutoff_hz: float = 10.0
+    trim_rest_s: float | None = None
+    payload: Payload | None = None
+    load_share: float | None = None
+    gravity: tuple[float, ...] | None = None
+    drop_bad: bool = False
+    split_gaps: bool = False
+    integrate_position: bool = False
+    role: str | None = None
+    extra: tuple[str, ...] | None = None
+    min_frames: int = 4
+    plausible: Plausible | None = field(default_factory=Plausible)
+
+    def __post_init__(self) -> None:
+        if self.rate_hz is not None and not 0.0 < self.rate_hz <= 50_000.0:
+            raise ParameterError(f"rate_hz is {self.rate_hz:g}; allowed: 0 < rate_hz <= 50000 Hz")
+        if not self.cutoff_hz > 0.0:
+            raise ParameterError(f"cutoff_hz is {self.cutoff_hz:g}; allowed: > 0 Hz")
+        if self.trim_rest_s is not None and not self.trim_rest_s >= 0.0:
+            raise ParameterError(f"trim_rest_s is {self.trim_rest_s:g}; allowed: >= 0 s, or None to keep all rest")
+        if self.load_share is not None and not 0.0 <= self.load_share <= 1.0:
+            raise ParameterError(f"load_share is {self.load_share:g}; allowed: 0 to 1")
+
+
+def demonstration(recording: Recording, preparation: Preparation | None = None, **changes: Any) -> Demonstration:
+    """One lesson from one recording, checked and prepared as `Preparation` (or single fields of it) says.
+
+    Raises RecordingError for data that cannot be used as it is, ChannelError for what is missing.
+    """
+    pieces = _pieces(recording, _changed(preparation, changes))
+    if len(pieces) > 1:
+        raise RecordingError(f"{_where(recording)}: split_gaps makes {len(pieces)} demonstrations of it; call demonstrations()")
+    return pieces[0]
+
+
+def demonstrations(
+    recordings: Iterable[Recording], preparation: Preparation | None = None, **changes: Any
+) -> tuple[Demonstration, ...]:
+    """Lessons that fit together: prepared at one rate (the slowest one's, unless stated) and checked as a set."""
+    recordings, chosen = list(recordings), _changed(preparation, changes)
+    if not recordings:
+        raise RecordingError("no recordings; give at least one")
+    lessons = [lesson for recording in recordings for lesson in _pieces(recording, chosen)]
+    slowest = max(lesson.dt for lesson in lessons)
+    fastest = min(lesson.dt for lesson in lessons)
+    if slowest > fastest * MAX_RATE_RATIO * (1 + 1e-9):
+        raise RecordingError(
+            f"lessons at {1 / fastest:g} Hz and {1 / slowest:g} Hz: more than {MAX_RATE_RATIO:g} times apart; "
+            "leave one out or state rate_hz"
+        )
+    if slowest != fastest:
+        common = replace(chosen, rate_hz=1.0 / slowest)
+        lessons = [lesson for recording in recordings for lesson in _pieces(recording, common)]
+    check_set(lessons, role=chosen.role)
+    return tuple(lessons)
+
+
+def _changed(preparation: Preparation | None, changes: Mapping[str, Any]) -> Preparation:
+    known = [f.name for f in fields(Preparation)]
+    for name in changes:
+        if name not in known:
+            raise ParameterError(f"no option {name!r} of a preparation; there are: {', '.join(known)}")
+    return replace(preparation or Preparation(), **changes)
+
+
+def _where(recording: Recording) -> str:
+    source, name = (" ".join(str(recording.metadata.get(k, "")).splitlines()) for k in ("source", "name"))
+    return f"{source} ({name})" if source and name.endswith("]") else source or name or "recording"
+
+
+def _pieces(recording: Recording, chosen: Preparation) -> list[Demonstration]:
+    where, notes = _where(recording), [str(n) for n in recording.metadata.get("notes", ())]
+    role = _role(recording, where, chosen.role, notes)
+    if reason := recording.metadata.get("incomplete"):
+        suspect(notes, f"{where}: the take is incomplete ({reason}): leave it out, or be sure that it holds the whole task")
+    if chosen.payload is None and "hand.force" not in recording:
+        chosen = replace(chosen, payload=_stored_payload(recording))
+    if chosen.load_share is None:
+        chosen = replace(chosen, load_share=float(recording.metadata.get("load_share", 0.5)))
+    channels = _channels(recording, where, chosen, notes)
+    holes = {name: gaps(channel) for name, channel in channels.items()}
+    for name, found in holes.items():
+        if found and not chosen.split_gaps:
+            raise RecordingError(gap_message(f"{where}: {name}", found[0], len(found)))
+    cuts = _merged(sorted((before, after) for found in holes.values() for _, before, after in found))
+    starts, stops = [-np.inf, *(after for _, after in cuts)], [*(before for before, _ in cuts), np.inf]
+    pieces: list[Demonstration] = []
+    for i, (start, stop) in enumerate(zip(starts, stops, strict=True)):
+        part = {n: _between(c, start, stop) for n, c in channels.items()}
+        title = str(recording.metadata.get("name", "")) or "recording"
+        if cuts and min(len(c.time) for c in part.values()) < max(chosen.min_frames, 8):
+            suspect(notes, f"{where}: piece {i} between gaps is too short and left out")
+            continue
+        pieces.append(_prepared(recording, part, f"{title}#{i}" if cuts else title, role, chosen, [*notes], where))
+    if not pieces:
+        raise RecordingError(f"{where}: no piece between the {len(cuts)} gaps is long enough")
+    return pieces
+
+
+def _stored_payload(recording: Recording) -> Payload | None:
+    """The payload that the recording states: metadata load_mass_kg, or payload {"mass_kg", "force_bias_n"}."""
+    stored = recording.metadata.get("payload", {"mass_kg": recording.metadata.get("load_mass_kg")})
+    if not isinstance(stored, Mapping) or stored.get("mass_kg") is None:
+        return None
+    bias = tuple(float(b) for b in stored.get("force_bias_n", ()))
+    return Payload(float(stored["mass_kg"]), force_bias_n=bias)
+
+
+def _merged(cuts: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Holes of several channels that overlap count as one."""
+    merged: list[tuple[float, float]] = []
+    for before, after in cuts:
+        if merged and before < merged[-1][1]:
+            merged[-1] = (merged[-1][0], max(after, merged[-1][1]))
+        else:
+            merged.append((before, after))
+    return merged
+
+
+def _role(recording: Recording, where: str, asked: str | None, notes: list[str]) -> str:
+    written = str(recording.metadata.get("role") or "")
+    if asked and written and asked != written:
+        raise RecordingError(f"{where}: its role is {written!r}, {asked!r} was asked for; use lessons of that role")
+    if not (asked or written):
+        notes.append("the role is not stated")
+    elif not written:
+        notes.append(f"the role is taken to be {asked!r}: the recording states none")
+    return written or asked or ""
+
+
+def _channels(recording: Recording, where: str, chosen: Preparation, notes: list[str]) -> dict[str, Channel]:
+    """The canonical channels and extras that are there, each checked by itself."""
+    found = {n: recording[f"hand.{n}"] for n in _KIND if f"hand.{n}" in recording}
+    if "force" in found and chosen.payload is not None and "sensor_force" not in found:
+        raise ChannelError(
+            f"{where}: a payload is given, but hand.force is the interaction force F already; map the raw F_s as sensor_force"
+        )
+    if "force" in found and chosen.payload is None:
+        found.pop("sensor_force", None)
+    extra = chosen.extra if chosen.extra is not None else tuple(recording.metadata.get("extra", ()))
+    found |= {n: recording[n] for n in extra}
+    if "position" not in found and not ("velocity" in found and chosen.integrate_position):
+        ask = "; integrate_position makes one from the velocity" if "velocity" in found else ""
+        raise ChannelError(f"{where}: no 'hand.position'; found {', '.join(recording.channels) or 'nothing'}{ask}")
+    for name, channel in found.items():
+        at = f"{where}: {name}"
+        if name in _KIND:
+            check_unit(at, _KIND[name], channel)
+            if not channel.frame:
+                notes.append(f"{name}: no frame is stored; taken as the task frame")
+        found[name] = cleaned(at, channel, drop_bad=chosen.drop_bad, min_frames=chosen.min_frames, notes=notes)
+        check_period(at, period(found[name]))
+        if name in _KIND and chosen.plausible is not None:
+            check_plausible(at, _KIND[name], found[name].values, channel.unit, chosen.plausible, channel.axes)
+    axes = {n: c.axes for n, c in found.items() if n in _KIND}
+    if len(set(axes.values())) > 1:
+        listed = "; ".join(f"{n}: {', '.join(a)}" for n, a in axes.items())
+        raise ChannelError(f"{where}: the signals have different axes ({listed}); map one column an axis in each")
+    return found
+
+
+def _between(channel: Channel, start: float, stop: float) -> Channel:
+    keep = (channel.time >= start) & (channel.time <= stop)
+    return replace(channel, time=channel.time[keep], values=channel.values[keep])
+
+
+def _prepared(
+    recording: Recording,
+    channels: Mapping[str, Channel],
+    name: str,
+    role: str,
+    chosen: Preparation,
+    notes: list[str],
+    where: str,
+) -> Demonstration:
+    dt, signals = one_rate(channels, chosen.rate_hz or recording.metadata.get("rate_hz"), where, notes)
+    axes = channels["position" if "position" in channels else "velocity"].axes
+    units = {n: c.unit for n, c in channels.items()}
+    cutoff = _cutoff(chosen.cutoff_hz, dt, notes)
+    _complete(signals, units, dt, cutoff, where, axes, notes)
+    if "sensor_force" in signals:
+        signals["force"] = _interaction(signals, dt, cutoff, chosen, axes, where, notes)
+        units["force"] = units.pop("sensor_force")
+        del signals["sensor_force"]
+    if "force" in signals:
+        check_force(where, signals["force"], signals["velocity"], dt, role, notes)
+    signals = _trimmed(signals, dt, chosen.trim_rest_s, notes)
+    frames = len(signals["position"])
+    if frames < chosen.min_frames:
+        raise RecordingError(f"{where}: {frames} frames at {1 / dt:g} Hz; needs >= {chosen.min_frames}: record longer")
+    ordered = {n: signals[n] for n in (*_ORDER, *(s for s in signals if s not in _ORDER)) if n in signals}
+    extra_axes = {n: c.axes for n, c in channels.items() if n in ordered and n not in _KIND}
+    source = str(recording.metadata.get("source", ""))
+    return Demonstration(name, dt, ordered, axes, role, source, units, tuple(notes), extra_axes)
+
+
+def _cutoff(cutoff_hz: float, dt: float, notes: list[str]) -> float:
+    limit = 0.8 * MAX_CUTOFF / dt
+    if cutoff_hz > limit:
+        notes.append(f"cutoff lowered from {cutoff_hz:g} to {limit:.4g} Hz: the rate is {1 / dt:.4g} Hz")
+    return min(cutoff_hz, limit)
+
+
+def _complete(
+    signals: dict[str, Array],
+    units: dict[str, str],
+    dt: float,
+    cutoff: float,
+    where: str,
+    axes: Sequence[str],
+    notes: list[str],
+) -> None:
+    """Derives what is missing, says so, and compares what is there."""
+    if "position" not in signals:
+        signals["position"] = integrate(signals["velocity"], dt)
+        units["position"] = units["velocity"].removesuffix("/s")
+        notes.append("position integrated from velocity, starting at 0, as asked")
+    elif "velocity" not in signals:
+        signals["velocity"] = differentiate(smooth(signals["position"], dt, cutoff), dt)
+        units["velocity"] = units["position"] + "/s"
+        notes.append(f"velocity derived from position: zero-phase low-pass {cutoff:.4g} Hz, central differences")
+    else:
+        check_velocity(where, signals["position"], signals["velocity"], dt, cutoff_hz=cutoff, axes=axes, notes=notes)
+
+
+def _interaction(
+    signals: Mapping[str, Array],
+    dt: float,
+    cutoff: float,
+    chosen: Preparation,
+    axes: Sequence[str],
+    where: str,
+    notes: list[str],
+) -> Array:
+    """Eq. (3) off line: F_s and a pass one zero-phase filter."""
+    payload = chosen.payload
+    if payload is None:
+        raise ChannelError(
+            f"{where}: hand.sensor_force is raw: eq. (3) needs the payload; give payload=Payload(mass_kg=...) "
+            "or identify it from a window at rest (identify_payload)"
+        )
+    share = 0.5 if chosen.load_share is None else chosen.load_share
+    gravity = np.array(chosen.gravity) if chosen.gravity is not None else gravity_along(axes)
+    bias = np.array(payload.force_bias_n) if payload.force_bias_n else np.zeros(len(axes))
+    if gravity.shape != (len(axes),) or bias.shape != (len(axes),):
+        raise ParameterError(f"{where}: gravity {gravity.shape} and bias {bias.shape} need one entry an axis, {len(axes)}")
+    acceleration = smooth(differentiate(signals["velocity"], dt), dt, cutoff)
+    sensed = smooth(signals["sensor_force"] - bias, dt, cutoff)
+    notes.append(
+        f"force from eq. (3): mass {payload.mass_kg:g} kg, share {share:g}, bias {bias.tolist()} N, "
+        f"zero-phase low-pass {cutoff:.4g} Hz on F_s and acceleration"
+    )
+    return interaction_force(sensed, acceleration, mass_kg=payload.mass_kg, load_share=share, gravity=gravity)
+
+
+def _trimmed(signals: dict[str, Array], dt: float, keep_s: float | None, notes: list[str]) -> dict[str, Array]:
+    if keep_s is None:
+        return signals
+    start, end = rest_frames(signals["velocity"], dt)
+    frames, keep = len(signals["velocity"]), round(keep_s / dt)
+    first, last = max(0, start - keep), frames - max(0, end - keep)
+    if start == frames or (first, last) == (0, frames):
+        return signals
+    notes.append(f"trimmed rest: {first * dt:.3g} s at the start, {(frames - last) * dt:.3g} s at the end")
+    return {n: v[first:last] for n, v in signals.items()}

@@ -1,0 +1,195 @@
+"""Partners: people as they pull on the other end of the beam.
+
+Each is an impedance around an equilibrium that moves (`comanip.people.intent`; numbers: Mussa-Ivaldi, Burdet, Tsuji for stiffness,
+Reed and Peshkin for dyads):
+
+    f = K (x_e - x) + B (v_e - v) + F_stat + m_ff a_d + noise
+
+leader    x_e is a minimum-jerk plan of his own
+follower  x_e yields to e = F_stat - f, the pull he feels beyond the share of weight he carries
+sharing   both at once: he has a plan and yields to what he did not expect, e = F_stat + m_ff a_d - f
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import ParameterError
+from ..interfaces import STANDARD_GRAVITY, Array
+from .intent import Intent, Legs, Noise, Plan, Unsteadiness, Yielding, minimum_jerk
+
+__all__ = [
+    "Arm",
+    "HumanFollower",
+    "HumanLeader",
+    "HumanSharing",
+    "Legs",
+    "Plan",
+    "Unsteadiness",
+    "Yielding",
+    "dyad",
+    "minimum_jerk",
+]
+
+
+@dataclass(frozen=True)
+class Arm:
+    """The impedance of a holding arm and the weight its owner expects to carry."""
+
+    stiffness_n_per_m: float = 120.0
+    damping_ns_per_m: float = 20.0
+    carried_n: float = 0.5 * 2.0 * STANDARD_GRAVITY  # F_stat, along "z"
+    unsteadiness: Unsteadiness = field(default_factory=Unsteadiness)
+
+    def __post_init__(self) -> None:
+        if not (self.stiffness_n_per_m > 0 and self.damping_ns_per_m >= 0):
+            raise ParameterError(
+                f"an arm needs stiffness > 0 and damping >= 0; got {self.stiffness_n_per_m} N/m, {self.damping_ns_per_m} N s/m"
+            )
+
+
+class Person(NamedTuple):
+    """A human by numbers, as kernels/_beam.h takes him.
+
+    numbers (16,) its Human; along (d, 4) whether he moves along an axis, what he carries there, its origin, the phase of his
+    tremor; legs (n, 3) of his plan; late, his delay in sub-steps; rng, where his unsteadiness comes from
+    """
+
+    numbers: Array
+    along: Array
+    legs: Array
+    late: int
+    rng: np.random.Generator
+
+
+class _Human:
+    """The one model behind the three: he moves along axis `moving` as he intends and holds the others."""
+
+    def __init__(
+        self,
+        plan: Plan | Legs | None,
+        yielding: Yielding | None,
+        arm: Arm,
+        *,
+        axes: tuple[str, ...] = ("z",),
+        moving: str = "z",
+        substep_s: float = 0.001,
+        rng: np.random.Generator,
+    ) -> None:
+        self.arm, self.axes = arm, axes
+        self._plan, self._yielding = plan, yielding
+        self._feedforward = plan.feedforward_kg if plan else 0.0
+        self._moving = tuple(1.0 if name == moving else 0.0 for name in axes)
+        self._carried = tuple(arm.carried_n if name == "z" else 0.0 for name in axes)
+        self._intents = [Intent(plan, yielding, substep_s) if m else Intent(None, None, substep_s) for m in self._moving]
+        self._noise = [Noise(arm.unsteadiness, substep_s, rng) for _ in axes]
+        self._origin = [0.0] * len(axes)
+
+    def reset(self, position: Array) -> None:
+        self._origin = [float(p) for p in position]
+        for noise, intent in zip(self._noise, self._intents, strict=True):
+            noise.reset()
+            intent.reset()
+
+    def by_numbers(self) -> Person | None:
+        """This human after his reset, and until the next one; None for one who is not wholly of this module."""
+        ours = type(self) in (HumanLeader, HumanFollower, HumanSharing) and type(self._plan) in (Plan, Legs, type(None))
+        asked = "force" in vars(self) or len(self._origin) != len(self.axes)  # by somebody who knows better, or wrongly
+        if not ours or asked or any(noise.block for noise in self._noise):
+            return None
+        arm, noise, y = self.arm, self._noise[0], self._yielding or Yielding()
+        kind, intent = noise.kind, next((i for i, m in zip(self._intents, self._moving, strict=True) if m), self._intents[0])
+        numbers = [
+            arm.stiffness_n_per_m, arm.damping_ns_per_m, self._feedforward, float(self._yielding is not None), y.damping_ns_per_m,
+            y.persistence, y.lag_s, y.dead_zone_n, intent.mix, intent.step_s, noise.keep, noise.fresh, kind.relative,
+            kind.absolute_n, kind.tremor_n, 2 * pi * kind.tremor_hz * noise.step,
+        ]  # fmt: skip
+        plan = self._plan
+        legs = () if plan is None else plan.legs if isinstance(plan, Legs) else ((plan.onset_s, plan.duration_s, plan.lift_m),)
+        along = np.column_stack([self._moving, self._carried, self._origin, [n.phase for n in self._noise]])
+        return Person(np.array(numbers), along, np.array(legs).reshape(-1, 3), intent.late, noise.rng)
+
+    def force(self, time: float, position: Array, velocity: Array, out: Array) -> None:
+        arm = self.arm
+        for i, intent in enumerate(self._intents):
+            v = float(velocity[i])
+            x_e, v_e, a_d = intent.step(time)
+            expected = self._carried[i] + self._feedforward * a_d
+            off = self._origin[i] + x_e - float(position[i])
+            force = arm.stiffness_n_per_m * off + arm.damping_ns_per_m * (v_e - v) + expected
+            force += self._noise[i].sample(force)
+            intent.feel(expected - force, v)
+            out[i] = force
+
+
+class _Planning(_Human):
+    """Whoever has a plan. `goal` (d,) [m] is where he means the far end to be in the end."""
+
+    plan: Plan | Legs
+
+    @property
+    def goal(self) -> Array:
+        return np.array([o + s * self.plan.lift_m for o, s in zip(self._origin, self._moving, strict=True)])
+
+
+class HumanLeader(_Planning):
+    """A partner with a plan of his own, who does not give way."""
+
+    def __init__(
+        self,
+        plan: Plan | Legs = Plan(),
+        arm: Arm = Arm(),
+        *,
+        axes: tuple[str, ...] = ("z",),
+        moving: str = "z",
+        substep_s: float = 0.001,
+        rng: np.random.Generator,
+    ) -> None:
+        super().__init__(plan, None, arm, axes=axes, moving=moving, substep_s=substep_s, rng=rng)
+        self.plan = plan
+
+
+class HumanFollower(_Human):
+    """A partner who goes where he is led, by force alone, with a person's delay."""
+
+    def __init__(
+        self,
+        yielding: Yielding = Yielding(),
+        arm: Arm = Arm(stiffness_n_per_m=90.0, damping_ns_per_m=22.0),
+        *,
+        axes: tuple[str, ...] = ("z",),
+        moving: str = "z",
+        substep_s: float = 0.001,
+        rng: np.random.Generator,
+    ) -> None:
+        super().__init__(None, yielding, arm, axes=axes, moving=moving, substep_s=substep_s, rng=rng)
+        self.yielding = yielding
+        self.reset(np.zeros(len(axes)))  # draws a phase of the tremor: the published figures rest on this order of draws
+
+
+class HumanSharing(_Planning):
+    """A partner without a role: he knows about where to and when, and gives way to what he feels of the other's plan."""
+
+    def __init__(
+        self,
+        plan: Plan = Plan(),
+        yielding: Yielding = Yielding(),
+        arm: Arm = Arm(stiffness_n_per_m=100.0, damping_ns_per_m=20.0),
+        *,
+        axes: tuple[str, ...] = ("z",),
+        moving: str = "z",
+        substep_s: float = 0.001,
+        rng: np.random.Generator,
+    ) -> None:
+        super().__init__(plan, yielding, arm, axes=axes, moving=moving, substep_s=substep_s, rng=rng)
+        self.plan, self.yielding = plan, yielding
+
+
+def dyad(rng: np.random.Generator, arm: Arm, spread: float = 0.15) -> Arm:
+    """The same person on another day: stiffness and damping vary together by `spread` (1 s.d.)."""
+    factor = float(np.clip(rng.normal(1.0, spread), 0.5, 1.5))
+    return replace(arm, stiffness_n_per_m=arm.stiffness_n_per_m * factor, damping_ns_per_m=arm.damping_ns_per_m * factor)

@@ -1,0 +1,1 @@
+"""The safety envelope around any skill: limits, detectors, a second opinion."""

@@ -1,0 +1,1 @@
+"""Filters, exact second-order steps, and vectors in plain floats."""
