@@ -47,7 +47,7 @@ def measure() -> list[dict[str, Any]]:
                  tuple(f"c{i}" for i in range(d)))  # fmt: skip
 
         def e_step(m: Hsmm = m, p: Any = p) -> Any:
-            return hsmm._sums(m, p.frames, p.lengths)
+            return hsmm.segment_sums(m, p.frames, p.lengths)
 
         def ticks(one: DurationFilter, frames: np.ndarray = p.frames[:N_TICKS]) -> None:
             for xi in frames:

@@ -16,8 +16,9 @@ from comanip.experiments.readings import script
 
 from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
+from comanip.fitting.gmm import fit_gmm
 from comanip.interfaces import Array
-from comanip.models.gmm import Gmm, fit_gmm
+from comanip.models.gmm import Gmm
 from comanip.models.gmr import regress
 
 CHANNELS = ("position", "velocity")

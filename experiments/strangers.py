@@ -1,6 +1,6 @@
 """Partners of other kinds: people who are not the model that lessons and trials draw theirs from.
 
-Trials draw impedances around a minimum-jerk equilibrium (plants/partners.py), and so do lessons. A law could be good with that
+Trials draw impedances around a minimum-jerk equilibrium (people/partners.py), and so do lessons. A law could be good with that
 model alone. Here are eight other ways to lead and six to follow, with the same draw of strength, delay, load and sensor:
 
     comanip trial --role follower --role leader --misbehaving 0 --partners-from experiments/strangers.py

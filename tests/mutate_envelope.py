@@ -1,4 +1,4 @@
-"""Plants one defect at a time in a copy of skills/envelope.py and watching.py and counts how many the tests notice.
+"""Plants one defect at a time in a copy of safety/envelope.py and watching.py and counts how many the tests notice.
 
     python tests/mutate_envelope.py [first [last]]        the score, and which defects survived
 

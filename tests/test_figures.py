@@ -196,7 +196,7 @@ def test_drawing_leaves_the_settings_of_matplotlib_alone(lessons):
 def test_matplotlib_is_known_to_one_module_only():
     files = [*(ROOT / "src").rglob("*.py"), *(ROOT / "experiments").glob("*.py")]
     users = [f.name for f in files if "import matplotlib" in f.read_text() or "from matplotlib" in f.read_text()]
-    assert set(users) - {"mvn.py"} == {"figures.py"}  # MVN.plot_ellipse draws into the caller's own axes
+    assert set(users) - {"mvn.py"} == {"drawing.py"}  # MVN.plot_ellipse draws into the caller's own axes
 
 
 def test_a_claim_that_is_not_a_number_fails():

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 import comanip
 
@@ -16,6 +19,7 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
     "interfaces": set(),
     "kernels": set(),
     "whole_file": set(),
+    "moved": set(),
     "cli": {"commands"},
     "__main__": {"commands"},
     "signals": {"errors", "interfaces"},
@@ -161,3 +165,18 @@ def test_nothing_heavy_is_loaded_by_import_or_help():
     assert not loaded_after("import comanip.commands.app") & heavy
     learning = loaded_after("import comanip.learned.skill, comanip.learned.file")
     assert not learning & (heavy - {"numpy"})
+
+
+def test_a_module_that_moved_is_found_by_its_old_name_and_says_the_new_one():
+    from comanip.moved import MOVED
+
+    assert {old for old in MOVED if (ROOT / (old.replace(".", "/") + ".py")).exists()} == set()
+    for old, new in MOVED.items():
+        code = f"import comanip.{old} as old, comanip.{new} as new; assert old is new"
+        said = subprocess.run([sys.executable, "-W", "always", "-c", code], capture_output=True, text=True, check=True).stderr
+        assert f"comanip.{old} is now comanip.{new}" in said
+
+
+def test_a_name_that_never_was_is_still_missing():
+    with pytest.raises(ModuleNotFoundError, match=r"comanip\.demonstrations"):
+        importlib.import_module("comanip.demonstrations")

@@ -9,7 +9,7 @@ import pytest
 
 from comanip import whole_file as sealed
 from comanip.errors import SkillFileError
-from comanip.learned.skill import file as skill_file
+from comanip.learned import file as skill_file
 
 
 def test_a_skill_comes_back_bit_for_bit(skills, tmp_path):

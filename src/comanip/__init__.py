@@ -3,6 +3,10 @@
 from importlib import import_module
 from typing import Any
 
+from .moved import follow
+
+follow()
+
 __version__ = "0.1.0"
 
 # public name -> module, imported when first asked for, so that `import comanip` stays fast
@@ -42,12 +46,12 @@ _PUBLIC = {
     "teach": "comanip.teaching",
     "run": "comanip.loop",
     "Hmm": "comanip.models.hmm",
-    "fit_hmm": "comanip.models.hmm",
+    "fit_hmm": "comanip.fitting.hmm",
     "Hsmm": "comanip.models.hsmm",
-    "fit_hsmm": "comanip.models.hsmm",
+    "fit_hsmm": "comanip.fitting.hsmm",
     "durations_s": "comanip.models.hsmm",
     "Gmm": "comanip.models.gmm",
-    "fit_gmm": "comanip.models.gmm",
+    "fit_gmm": "comanip.fitting.gmm",
     "Fit": "comanip.fitting.climb",
     "Regression": "comanip.models.gmr",
     "regress": "comanip.models.gmr",

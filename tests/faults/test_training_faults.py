@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 
 from comanip.errors import ChannelError, ComanipWarning, InternalError, ParameterError, TrainingError
 from comanip.fitting.climb import climb
+from comanip.fitting.gmm import fit_gmm
+from comanip.fitting.hmm import fit_hmm
 from comanip.models.filtering import ForwardFilter
-from comanip.models.gmm import Gmm, fit_gmm
+from comanip.models.gmm import Gmm
 from comanip.models.gmr import Regression, regress
-from comanip.models.hmm import Hmm, fit_hmm, log_likelihood
+from comanip.models.hmm import Hmm, log_likelihood
 from toys import CHANNELS, lifts, random_gmm
 
 

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from comanip import kernels
 from comanip.fitting import baum_welch
+from comanip.fitting import gmm as mixtures
 from comanip.fitting.baum_welch import Chain
-from comanip.models import gmm, hmm, hsmm
+from comanip.models import hmm, hsmm
 from comanip.models.chains import best_path, log_of
 from comanip.models.filtering import ForwardFilter
 from comanip.models.gaussian import whitening
@@ -129,12 +130,12 @@ def test_best_paths(level, d, k, lengths, topology, n_threads, seed):
 def test_mixture(level, d, k, n, n_threads, seed):
     """4096 frames are one piece of work; a few more are a second, short one."""
     rng = np.random.default_rng(seed)
-    p, z = gmm._Mixture(rng.dirichlet(np.full(k, 5.0)), *tame_gaussians(rng, k, d)), 1.5 * rng.normal(size=(n, d))
+    p, z = mixtures._Mixture(rng.dirichlet(np.full(k, 5.0)), *tame_gaussians(rng, k, d)), 1.5 * rng.normal(size=(n, d))
     with running(level):
         white = whitening(p.means, p.covariances).arrays
         total, moments, gamma = kernels.mixture(z, np.log(p.weights), white, weights=True, n_threads=n_threads)
     with running("numpy"):
-        expected_total, expected = gmm._expect(p, z, gamma=True)
+        expected_total, expected = mixtures._expect(p, z, gamma=True)
     assert total == pytest.approx(expected_total, rel=1e-10)
     agree(moments, expected.moments)
     agree(gamma, expected.gamma)

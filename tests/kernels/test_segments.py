@@ -82,7 +82,7 @@ def test_a_frame_without_explanation_gives_numbers(level):
         lengths = np.array([50, 60, 70])
         frames = frames_of(model, lengths, rng)
         frames[[5, 100, 133], 1] = 1e5
-        found = hsmm._sums(model, frames, lengths, weights=True)
+        found = hsmm.segment_sums(model, frames, lengths, weights=True)
         expected = hsmm._twin(model, whitening(model.means, model.covariances), frames, lengths)
         np.testing.assert_allclose(found.log_likelihood, expected.log_likelihood, rtol=1e-10)
         agree(found.durations, expected.durations, tolerance=1e-8)  # relative logarithms of 1e9 have 7 digits behind the point
@@ -104,7 +104,7 @@ def test_where_scaling_leaves_float64_the_twin_takes_the_sequence(level, kind):
     white = whitening(model.means, model.covariances)
     sums = kernels.segments(frames, lengths, model.initial, model.transition, model.durations, white.arrays)
     assert sums.failed.tolist() == [False, True, False]
-    found, expected = hsmm._sums(model, frames, lengths, weights=True), hsmm._twin(model, white, frames, lengths)
+    found, expected = hsmm.segment_sums(model, frames, lengths, weights=True), hsmm._twin(model, white, frames, lengths)
     np.testing.assert_allclose(found.log_likelihood, expected.log_likelihood, rtol=1e-10)
     for name in ("moments", "transitions", "first", "durations", "weights"):
         agree(getattr(found, name), getattr(expected, name), tolerance=1e-8)
@@ -118,7 +118,7 @@ def test_a_path_that_was_lost_under_the_least_number_and_matters_later_is_notice
     frames, lengths = np.repeat([0.0, 14.0], [9, 11])[:, None], np.array([20])
     white = whitening(model.means, model.covariances)
     assert kernels.segments(frames, lengths, model.initial, model.transition, model.durations, white.arrays).failed[0]
-    found = hsmm._sums(model, frames, lengths, weights=True)
+    found = hsmm.segment_sums(model, frames, lengths, weights=True)
     assert found.log_likelihood[0] == pytest.approx(hsmm._twin(model, white, frames, lengths).log_likelihood[0], rel=1e-12)
     assert found.weights[:, 1].min() > 0.999
 
@@ -175,7 +175,7 @@ def test_thousands_of_calls_leave_no_memory_behind():
     x, lengths = frames_of(model, [30, 20, 9], rng), np.array([30, 20, 9])
 
     def everything():
-        hsmm._sums(model, x, lengths, weights=True)
+        hsmm.segment_sums(model, x, lengths, weights=True)
         DurationFilter(model).step(x[0])
 
     for _ in range(100):

@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 from comanip import kernels
 from comanip.errors import InternalError, ParameterError
 from comanip.fitting import baum_welch
+from comanip.fitting import gmm as mixtures
 from comanip.fitting.baum_welch import Chain
 from comanip.fitting.climb import climb_fast_first
-from comanip.models import gmm, hmm
+from comanip.fitting.gmm import fit_gmm
+from comanip.fitting.hmm import fit_hmm
+from comanip.models import hmm
 from comanip.models.gaussian import whitening
-from comanip.models.gmm import fit_gmm
-from comanip.models.hmm import Hmm, fit_hmm
+from comanip.models.hmm import Hmm
 from comanip.models.rollout import roll_out
 from kernels.test_twins import LEVELS, chain, lessons_of
 from toys import agree, random_gmm, random_hmm
@@ -100,8 +102,8 @@ def test_outliers_give_the_numbers_of_float64(level, far):
             lessons, p = lessons_of(rng, lengths, 3), chain(rng, 5, 3, left_right)
             lessons.z[[5, 100, 333], 1] = far
             check_expectations(p, lessons)
-            total, sums = gmm._expect(gmm._Mixture(p.initial, p.means, p.covariances), lessons.z, single=True)
-            expected, other = gmm._expect(gmm._Mixture(p.initial, p.means, p.covariances), lessons.z)
+            total, sums = mixtures._expect(mixtures._Mixture(p.initial, p.means, p.covariances), lessons.z, single=True)
+            expected, other = mixtures._expect(mixtures._Mixture(p.initial, p.means, p.covariances), lessons.z)
             assert total == pytest.approx(expected, rel=1e-6)
             agree(sums.moments, other.moments, tolerance=1e-6)
 
@@ -120,8 +122,11 @@ def test_a_state_that_nothing_visits(level):
 def test_mixtures(level, d, k, n):
     rng = np.random.default_rng(n)
     model, z = random_gmm(rng, k, d), 2.0 * rng.normal(size=(n, d))
-    p = gmm._Mixture(model.weights, model.means, model.covariances)
-    (total, found), (expected_total, expected) = gmm._expect(p, z, gamma=True, single=True), gmm._expect(p, z, gamma=True)
+    p = mixtures._Mixture(model.weights, model.means, model.covariances)
+    (total, found), (expected_total, expected) = (
+        mixtures._expect(p, z, gamma=True, single=True),
+        mixtures._expect(p, z, gamma=True),
+    )
     assert abs(total - expected_total) <= 1e-5 * n + 1e-6 * abs(expected_total)
     agree(found.moments, expected.moments, tolerance=3e-5)
     agree(found.gamma, expected.gamma, tolerance=1e-3)
@@ -274,6 +279,6 @@ def test_a_fall_in_float32_is_rounding_and_in_float64_a_defect():
 def test_weights_of_two_near_states_have_six_digits(level):
     """Log-densities are small here, so what is wrong is the exponential."""
     z = np.linspace(-3.0, 3.0, 1001)[:, None]
-    p = gmm._Mixture(np.full(2, 0.5), np.array([[-1.0], [1.0]]), np.ones((2, 1, 1)))
-    found, expected = (gmm._expect(p, z, gamma=True, single=single)[1].gamma for single in (True, False))
+    p = mixtures._Mixture(np.full(2, 0.5), np.array([[-1.0], [1.0]]), np.ones((2, 1, 1)))
+    found, expected = (mixtures._expect(p, z, gamma=True, single=single)[1].gamma for single in (True, False))
     np.testing.assert_allclose(found, expected, rtol=3e-6)

@@ -8,10 +8,12 @@ from hypothesis import strategies as st
 from comanip import kernels
 from comanip.errors import ParameterError
 from comanip.fitting import baum_welch
+from comanip.fitting import gmm as mixtures
 from comanip.fitting.baum_welch import Chain
 from comanip.fitting.coordinates import Lessons
+from comanip.fitting.hmm import weights_of
 from comanip.kernels.plan import MARGIN, WHOLE, WIDE_MARGIN, plan
-from comanip.models import gmm, hmm
+from comanip.models import hmm
 from comanip.models.chains import log_of
 from comanip.models.filtering import ForwardFilter
 from comanip.models.gaussian import whitening
@@ -45,7 +47,7 @@ def check_e_step(p, lessons):
     for a, b in zip(found, expected, strict=True):
         agree(a, b)
     assert (found.transitions[p.transition == 0.0] == 0.0).all()
-    weights = hmm._weights(p, lessons)
+    weights = weights_of(p, lessons)
     agree(weights, baum_welch.expectations_of(p, whitening(p.means, p.covariances), lessons.z, lessons.lengths).weights)
 
 
@@ -192,10 +194,10 @@ def test_threads_change_no_bit(level, lengths):
 def test_mixture(level, d, k, n, monkeypatch):
     rng = np.random.default_rng(n)
     model, z = random_gmm(rng, k, d), 2.0 * rng.normal(size=(n, d))
-    p = gmm._Mixture(model.weights, model.means, model.covariances)
-    total, found = gmm._expect(p, z, gamma=True)
+    p = mixtures._Mixture(model.weights, model.means, model.covariances)
+    total, found = mixtures._expect(p, z, gamma=True)
     monkeypatch.setattr(kernels, "native", None)
-    expected_total, expected = gmm._expect(p, z, gamma=True)
+    expected_total, expected = mixtures._expect(p, z, gamma=True)
     assert total == pytest.approx(expected_total, rel=1e-10)
     for a, b in zip(found, expected, strict=True):
         agree(a, b)

@@ -5,11 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from comanip.fitting.hmm import fit_hmm
+from comanip.fitting.hsmm import fit_hsmm
 from comanip.models import hsmm
 from comanip.models.durations import of_mean, table
 from comanip.models.filtering import DurationFilter, ForwardFilter
-from comanip.models.hmm import Hmm, fit_hmm
-from comanip.models.hsmm import Hsmm, durations_s, explicit_durations, fit_hsmm
+from comanip.models.hmm import Hmm
+from comanip.models.hsmm import Hsmm, durations_s, explicit_durations
 from toys import CHANNELS, lifts, random_hmm, random_hsmm
 
 MODEL = fit_hsmm([x[::2] for x in lifts()], 5, channels=CHANNELS).model

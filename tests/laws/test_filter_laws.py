@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from comanip.fitting.hmm import fit_hmm
 from comanip.models import hmm
 from comanip.models.filtering import ForwardFilter
 from comanip.models.gaussian import marginal, normalised
-from comanip.models.hmm import Hmm, fit_hmm
+from comanip.models.hmm import Hmm
 from toys import CHANNELS, lifts, random_hmm
 
 MODEL = fit_hmm(lifts(), 5, channels=CHANNELS).model

@@ -8,9 +8,10 @@ import pytest
 
 from comanip.errors import ComanipWarning, InternalError
 from comanip.fitting.climb import climb
+from comanip.fitting.hmm import fit_hmm
 from comanip.models import chains, hmm
 from comanip.models.gaussian import log_density
-from comanip.models.hmm import Hmm, fit_hmm
+from comanip.models.hmm import Hmm
 from toys import CHANNELS, lifts, random_hmm
 
 

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from comanip.errors import ComanipWarning
+from comanip.fitting.hmm import fit_hmm
+from comanip.fitting.hsmm import fit_hsmm
 from comanip.models import hmm, hsmm
 from comanip.models.durations import most_likely, of_mean, table
 from comanip.models.gaussian import log_density
-from comanip.models.hmm import Hmm, fit_hmm
-from comanip.models.hsmm import Hsmm, durations_s, explicit_durations, fit_hsmm
+from comanip.models.hmm import Hmm
+from comanip.models.hsmm import Hsmm, durations_s, explicit_durations
 from toys import CHANNELS, lifts, random_hmm, random_hsmm
 
 
@@ -63,7 +65,7 @@ def test_everything_equals_the_sum_over_every_segmentation(n_states, length, lon
     assert found.log_likelihood == pytest.approx(np.log(total), rel=1e-12)
     assert hsmm.log_likelihood(model, [x])[0] == pytest.approx(np.log(total), rel=1e-12)
     np.testing.assert_allclose(found.weights, gamma / total, rtol=1e-9, atol=1e-13)
-    e = hsmm._sums(model, x, np.array([length]))
+    e = hsmm.segment_sums(model, x, np.array([length]))
     np.testing.assert_allclose(e.first, gamma[0] / total, rtol=1e-9, atol=1e-13)
     np.testing.assert_allclose(e.transitions[:, ends][ends], (transitions / total)[:, ends][ends], rtol=1e-9, atol=1e-13)
     np.testing.assert_allclose(e.durations[ends], (durations / total)[ends], rtol=1e-9, atol=1e-13)
@@ -91,7 +93,7 @@ def test_sequences_of_different_length_side_by_side_equal_each_alone():
     sequences = [hsmm.sample(model, n, rng).frames for n in (1, 17, 4, 30)]
     alone = [hsmm.log_likelihood(model, [x])[0] for x in sequences]
     np.testing.assert_allclose(hsmm.log_likelihood(model, sequences), alone, rtol=1e-12)
-    e = hsmm._sums(model, np.concatenate(sequences), np.array([1, 17, 4, 30]), weights=True)
+    e = hsmm.segment_sums(model, np.concatenate(sequences), np.array([1, 17, 4, 30]), weights=True)
     np.testing.assert_allclose(e.weights, np.concatenate([hsmm.posteriors(model, x).weights for x in sequences]), atol=1e-12)
     assert e.first.sum() == pytest.approx(4.0)
     assert e.durations.sum() == pytest.approx(e.transitions.sum() + 4.0)  # every segment was entered once

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from comanip.fitting.gmm import fit_gmm
 from comanip.models import gmm
-from comanip.models.gmm import Gmm, fit_gmm
+from comanip.models.gmm import Gmm
 from comanip.models.gmr import Regression, regress
 from toys import random_gmm
 

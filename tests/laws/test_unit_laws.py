@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from comanip.fitting.gmm import fit_gmm
+from comanip.fitting.hmm import fit_hmm
 from comanip.models import hmm
 from comanip.models.filtering import ForwardFilter
-from comanip.models.gmm import fit_gmm
 from comanip.models.gmr import regress
-from comanip.models.hmm import fit_hmm
 from toys import CHANNELS, lifts
 
 DATA = lifts(4)

@@ -15,11 +15,11 @@ import pytest
 
 import comanip
 from comanip.errors import ChannelError, RecordingError, SkillFileError, TrainingError
+from comanip.fitting.hmm import fit_hmm
 from comanip.fitting.streaming import fit_stream
 from comanip.learned.skill import learn
 from comanip.learned.stream import learn_stream
 from comanip.lessons.shards import ParquetShards, RecordingShards, files_of
-from comanip.models.hmm import fit_hmm
 from toys import CHANNELS, Stored, lifts
 
 pytestmark = pytest.mark.filterwarnings("ignore::comanip.errors.ComanipWarning")

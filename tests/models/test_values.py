@@ -10,7 +10,7 @@ import comanip
 from comanip import Hmm, Hsmm, fit_gmm, fit_hmm, fit_hsmm, select_states
 from comanip.errors import ChannelError, ParameterError
 from comanip.fitting.baum_welch import most_likely_rows
-from comanip.fitting.climb import k_means
+from comanip.fitting.guesses import k_means
 from comanip.models import gmm, hmm
 from comanip.models.gmr import Regression, regress
 from toys import CHANNELS, lifts, random_gmm, random_hmm

@@ -7,10 +7,10 @@ import pytest
 
 from comanip import GaussianHMM
 from comanip.fitting.baum_welch import most_likely_rows
-from comanip.fitting.climb import weighted_gaussians
+from comanip.fitting.hmm import fit_hmm
+from comanip.fitting.m_step import weighted_gaussians
 from comanip.models import chains, hmm
 from comanip.models.gaussian import log_density
-from comanip.models.hmm import fit_hmm
 from toys import CHANNELS, lifts, random_hmm
 
 hmmlearn_hmm = pytest.importorskip("hmmlearn.hmm")

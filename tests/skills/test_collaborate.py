@@ -115,8 +115,8 @@ def test_the_reference_starts_and_ends_where_the_lessons_did(skills, lessons):
 
 
 def test_units_of_the_lessons_do_not_change_the_clock(lessons):
+    from comanip.fitting.hmm import fit_hmm
     from comanip.models.clock import learn_clock
-    from comanip.models.hmm import fit_hmm
 
     frames = [lesson.array(lesson.channels) for lesson in lessons["leader"][:4]]
     scale = np.array([1000.0, 0.1, 1000.0])

@@ -12,8 +12,10 @@ from ..errors import ParameterError
 from ..interfaces import Array
 from ..models import chains
 from ..models.gaussian import Whitening, suits_float32, whitening
-from .climb import gaussians_of_labels, gaussians_of_moments, moments_about
+from ..models.moments import moments_about
 from .coordinates import Lessons
+from .guesses import gaussians_of_labels
+from .m_step import gaussians_of_moments
 
 
 class Chain(NamedTuple):
@@ -26,7 +28,7 @@ class Chain(NamedTuple):
 
 
 class Statistics(NamedTuple):
-    """What the M-step needs from the E-step; `moments` (K, D + 1, D + 1) as in `learning.moments_about` (origin)."""
+    """What the M-step needs from the E-step; `moments` (K, D + 1, D + 1) as in `models.moments.moments_about` (origin)."""
 
     moments: Array
     origin: Array

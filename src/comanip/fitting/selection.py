@@ -12,10 +12,12 @@ from ..errors import ParameterError
 from ..interfaces import Array
 from ..models import hmm, hsmm
 from ..parallel import each
+from .hmm import fit_hmm
+from .hsmm import fit_hsmm
 
 MODELS: dict[str, tuple[Callable[..., Any], Callable[..., Array]]] = {
-    "hmm": (hmm.fit_hmm, hmm.log_likelihood),
-    "hsmm": (hsmm.fit_hsmm, hsmm.log_likelihood),
+    "hmm": (fit_hmm, hmm.log_likelihood),
+    "hsmm": (fit_hsmm, hsmm.log_likelihood),
 }
 
 

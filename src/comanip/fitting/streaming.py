@@ -21,12 +21,16 @@ import numpy as np
 from ..errors import ParameterError, SkillFileError, TrainingError
 from ..interfaces import Array
 from ..models.gaussian import channel_names
-from ..models.hmm import Hmm, _weights, finished
+from ..models.hmm import Hmm
+from ..models.moments import moments_about
 from ..parallel import each
 from ..whole_file import digest, write_whole
 from .baum_welch import Chain, Statistics, allowed_transitions, expect, from_counts, label_counts, maximise
-from .climb import Fit, climb, gaussians_of_moments, moments_about, time_bins
+from .climb import Fit, climb
 from .coordinates import Coordinates, Lessons, Notes, checked, stated_spread
+from .guesses import time_bins
+from .hmm import finished, weights_of
+from .m_step import gaussians_of_moments
 
 Read = Callable[[str], Iterable[list[Array]]]
 Progress = Callable[[str, int, int], None]
@@ -215,7 +219,7 @@ def _times(path: str, source: Source, p: Chain) -> tuple[Any, ...]:
     """Σ γ × normalised time (K,) of a shard."""
     sums: tuple[Any, ...] = (np.zeros(len(p.initial)),)
     for lessons in source.lessons(path):
-        sums = _added(sums, (lessons.normalised_time() @ _weights(p, lessons),))
+        sums = _added(sums, (lessons.normalised_time() @ weights_of(p, lessons),))
     return sums
 
 

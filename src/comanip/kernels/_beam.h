@@ -1,4 +1,4 @@
-/* One control period of beam and person, for plants/beam.py, plants/partners.py and humans.py: the same operations in the same order
+/* One control period of beam and person, for plants/beam.py, people/partners.py and people/intent.py: the same operations in the same order
  * as there, so that the numbers are the same to the last bit. A run's state is here alone; what a plant shows comes out each period.
  */
 

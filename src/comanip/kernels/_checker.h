@@ -1,4 +1,4 @@
-/* skills/checker.py once more: the second opinion on every command, with own memory. It shares no function with _envelope.h. */
+/* safety/checker.py once more: the second opinion on every command, with own memory. It shares no function with _envelope.h. */
 
 typedef struct { double v_max, a_max, dt, low[MOST_AXES], high[MOST_AXES]; } Rules;
 

@@ -1,4 +1,4 @@
-/* The ordinary tick of skills/envelope.py: in RUN, on a fresh, timely and plausible sample, with nothing to say about it.
+/* The ordinary tick of safety/envelope.py: in RUN, on a fresh, timely and plausible sample, with nothing to say about it.
  *
  * Two steps, around the skill's own. Each does all that the Python does there, in the same order and to the same bits, or gives 0 and
  * leaves everything untouched: then the Python, the one source of every reason, takes the tick. In doubt a tick is not ordinary.

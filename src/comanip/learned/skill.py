@@ -12,11 +12,12 @@ import numpy as np
 
 from .. import __version__
 from ..errors import ChannelError, MismatchError, ParameterError
+from ..fitting.hmm import fit_hmm
 from ..interfaces import Array
 from ..lessons.demonstration import Demonstration, check_set, require
 from ..models.clock import learn_clock
 from ..models.gmm import Gmm
-from ..models.hmm import Hmm, fit_hmm
+from ..models.hmm import Hmm
 from ..models.stability import stability, warnings_of
 from ..recording import Passed, frozen
 
@@ -87,7 +88,7 @@ def learn(
 ) -> LearnedSkill:
     """A skill from several lessons of one role; milliseconds for five lessons of a few seconds.
 
-    n_states   default 10 (law "default") or 5 (law "paper"); `models.selection.select_states` chooses by data
+    n_states   default 10 (law "default") or 5 (law "paper"); `fitting.selection.select_states` chooses by data
     role       must agree with what the lessons say of themselves; None takes their word
     with_force False learns position and velocity only (the paper's footnote 3)
 

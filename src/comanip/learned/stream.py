@@ -11,13 +11,14 @@ import numpy as np
 from .. import __version__
 from ..errors import ChannelError, ParameterError
 from ..fitting.baum_welch import Chain
-from ..fitting.climb import moments_about
+from ..fitting.hmm import weights_of
 from ..fitting.streaming import Progress, Read, Source, fit_stream
 from ..interfaces import Array
 from ..models.clock import PHASE
 from ..models.gaussian import floored
 from ..models.gmm import Gmm
-from ..models.hmm import Hmm, _weights
+from ..models.hmm import Hmm
+from ..models.moments import moments_about
 from ..parallel import each
 from .skill import LAWS, STATES, LearnedSkill
 
@@ -94,7 +95,7 @@ def _pieces(path: str, source: Source, model: Hmm) -> Any:
     d = len(source.channels)
     for lessons in source._replace(offset=np.zeros(d), scale=np.ones(d)).lessons(path):
         cuts = np.cumsum(lessons.lengths)[:-1]
-        yield lessons, np.split(lessons.z, cuts), np.split(_weights(p, lessons), cuts)
+        yield lessons, np.split(lessons.z, cuts), np.split(weights_of(p, lessons), cuts)
 
 
 def _occupancies(path: str, source: Source, model: Hmm) -> list[tuple[Array, Array, Array, Array]]:

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from .. import kernels
-from ..fitting.climb import k_means, loses_digits, moments_about, scatter_of_frames, scatter_of_moments
+from ..fitting.guesses import k_means
 from ..interfaces import Array
 from ..models import chains
 from ..models.gaussian import Whitening, regularised, whitening
+from ..models.moments import loses_digits, moments_about, scatter_of_frames, scatter_of_moments
 from .base import Estimator, EstimatorError, checked_features, checked_samples, not_fitted, random_state
 from .covariance_types import COVARIANCE_TYPES, checked_covariances, compressed, expanded
 from .monitor import ConvergenceMonitor

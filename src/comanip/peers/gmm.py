@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from .. import kernels
-from ..fitting.climb import loses_digits, moments_about, scatter_of_frames, scatter_of_moments
 from ..interfaces import Array
 from ..models.gaussian import log_sum_exp, marginal, normalised, regularised, shares, whitening
 from ..models.gmr import conditional_lines
+from ..models.moments import loses_digits, moments_about, scatter_of_frames, scatter_of_moments
 from .base import EstimatorError, random_state
 from .mvn import MVN, add_ellipse, inputs_and_outputs, log_densities, squared_radius
 
@@ -85,7 +85,7 @@ class GMM:
         return self
 
     def _expect(self, x: Array) -> tuple[Array, Array, Array]:
-        """Moments as in `learning.moments_about`, γ (N, K), and the moments' origin (D,)."""
+        """Moments as in `models.moments.moments_about`, γ (N, K), and the moments' origin (D,)."""
         priors, means, covariances = self._initialized()
         white = whitening(means, regularised(covariances, means))
         if kernels.native is None:

@@ -1,6 +1,6 @@
 """A person's side of a shared task: how the hand is meant to move, and why it is never still.
 
-One model serves the partner at the beam (`plants.partners`) and the teacher on the handle (`devices.teacher`). The hand is an
+One model serves the partner at the beam (`people.partners`) and the teacher on the handle (`people.teacher`). The hand is an
 impedance around an equilibrium x_e that moves by a plan, by what it feels, or by both at once:
 
     x_e = A mj((t - t_0)/T) + c        T_a dv_c/dt = -v_c + dz(e(t - tau), dead zone)/D + rho u(t - tau),   dc/dt = v_c

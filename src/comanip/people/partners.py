@@ -1,7 +1,7 @@
 """Partners: people as they pull on the other end of the beam.
 
-Each is an impedance around an equilibrium that moves (`comanip.people.intent`; numbers: Mussa-Ivaldi, Burdet, Tsuji for stiffness,
-Reed and Peshkin for dyads):
+Each is an impedance around an equilibrium that moves (`comanip.people.intent`; numbers: Mussa-Ivaldi, Burdet,
+Tsuji for stiffness, Reed and Peshkin for dyads):
 
     f = K (x_e - x) + B (v_e - v) + F_stat + m_ff a_d + noise
 

@@ -1,4 +1,4 @@
-"""The envelope's second opinion: other code, own memory, three rules. It shares no function with `skills.envelope`.
+"""The envelope's second opinion: other code, own memory, three rules. It shares no function with `safety.envelope`.
 
 Each command must not be faster than v_max, must not change by more than a_max allows, and must leave room to stop before the
 walls. A command that breaks a rule is replaced by the old one slowed down.

@@ -42,7 +42,7 @@ def run_case(
     """The skill with this partner, from rest until some seconds after the partner means to stop (`Case.run_s`).
 
     plant     "beam" (exact, fast) or "humanoid" (MuJoCo)
-    partner   makes the person from the case; default: the human models of `plants.partners`
+    partner   makes the person from the case; default: the human models of `people.partners`
     """
     rng = np.random.default_rng(case.seed)
     person = partner(case, rng)
