@@ -40,6 +40,10 @@ class Observation:
         self.sensor_force: Array = np.full(n_axes, np.nan)
         self.force: Array = np.full(n_axes, np.nan)
 
+    def __repr__(self) -> str:
+        x, v, f = self.position.tolist(), self.velocity.tolist(), self.force.tolist()
+        return f"Observation({self.time:g} s: position {x} m, velocity {v} m/s, force {f} N)"
+
 
 class Command:
     """What the robot is asked to do until the next tick, written in place.
@@ -54,6 +58,9 @@ class Command:
         self.position: Array = np.zeros(n_axes)
         self.velocity: Array = np.zeros(n_axes)
         self.acceleration: Array = np.zeros(n_axes)
+
+    def __repr__(self) -> str:
+        return f"Command(velocity {self.velocity.tolist()} m/s, acceleration {self.acceleration.tolist()} m/s^2)"
 
 
 @runtime_checkable

@@ -58,6 +58,11 @@ class Channel:
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "axes", axes)
 
+    def __repr__(self) -> str:
+        span = f", {self.time[0]:g} to {self.time[-1]:g} s" if len(self.time) else ""
+        frame = f" in {self.frame!r}" if self.frame else ""
+        return f"Channel({len(self.time)} frames of {', '.join(self.axes)} [{self.unit or '?'}]{frame}{span})"
+
 
 class Passed:
     """A frozen value that goes to other processes as its fields: read-only mappings do not pickle."""
@@ -89,6 +94,9 @@ class Recording(Passed):
 
     def __contains__(self, name: str) -> bool:
         return name in self.channels
+
+    def __repr__(self) -> str:
+        return f"Recording({self.duration_s:g} s of {', '.join(self.channels) or 'nothing'})"
 
     @property
     def duration_s(self) -> float:

@@ -42,6 +42,10 @@ class Fit(Generic[Model]):
     def n_iterations(self) -> int:
         return len(self.log_likelihood) - 1
 
+    def __repr__(self) -> str:
+        end = "converged" if self.converged else "not converged"
+        return f"Fit({self.model!r}, {end} after {self.n_iterations} iterations at log-likelihood {self.log_likelihood[-1]:.6g})"
+
 
 def climb(
     parameters: Parameters,

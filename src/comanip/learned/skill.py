@@ -63,6 +63,13 @@ class LearnedSkill(Passed):
         for name in ("settings", "units", "provenance"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
+    def __repr__(self) -> str:
+        lessons = len(self.provenance.get("lessons", ())) or len(self.ends)
+        who = f"{self.role}, " if self.role else ""
+        return (
+            f"LearnedSkill({who}axes {', '.join(self.axes)}, {self.model.n_states} states, {lessons} lessons, law {self.law!r})"
+        )
+
     @property
     def has_force(self) -> bool:
         return any(c.startswith("force.") for c in self.model.channels)

@@ -77,6 +77,10 @@ class Demonstration(Passed):
     def __len__(self) -> int:
         return len(next(iter(self.signals.values())))
 
+    def __repr__(self) -> str:
+        role = f", {self.role}" if self.role else ""
+        return f"Demonstration({self.name!r}, {len(self)} frames at {1.0 / self.dt:g} Hz of {', '.join(self.channels)}{role})"
+
     @property
     def duration_s(self) -> float:
         return (len(self) - 1) * self.dt

@@ -40,6 +40,9 @@ class Gmm:
         object.__setattr__(self, "covariances", sigma)
         object.__setattr__(self, "channels", channels)
 
+    def __repr__(self) -> str:
+        return f"Gmm({self.n_states} states over {', '.join(self.channels)})"
+
     @property
     def n_states(self) -> int:
         return len(self.weights)

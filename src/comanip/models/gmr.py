@@ -97,6 +97,9 @@ class Regression:
         if kernels.native is not None:
             self._mean = kernels.native.Lines(self._flat_gains, self._flat_offsets, *self.gains.shape).mean
 
+    def __repr__(self) -> str:
+        return f"Regression({', '.join(self.inputs)} -> {', '.join(self.outputs)}, {len(self.gains)} states)"
+
     def mean(self, weights: Array, x: Array, out: Array | None = None) -> Array:
         """Σ_i h_i y_i(x) as (Do,), for the tick: weights (K,), x (Di,); written into `out` when given."""
         if self._mean is not None:

@@ -80,6 +80,9 @@ class Hsmm:
         object.__setattr__(self, "covariances", sigma)
         object.__setattr__(self, "channels", channels)
 
+    def __repr__(self) -> str:
+        return f"Hsmm({self.n_states} states over {', '.join(self.channels)})"
+
     @property
     def n_states(self) -> int:
         return len(self.initial)
