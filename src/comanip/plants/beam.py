@@ -182,6 +182,7 @@ class BeamPlant:
         self.partner.reset(self._start.copy())
         self._sampled[:] = [axis.sensor_force for axis in self._state]
         late = round(self.sensor.delay_s / self._step)
+        self._see = getattr(self.partner, "see", None)
         self._line = [deque([axis.sensor_force] * (late + 1), maxlen=late + 1) for axis in self._state]
         self._compiled, self._noise = self._compile(late)
 
@@ -231,6 +232,8 @@ class BeamPlant:
         total = [0.0] * len(self._state)
         commanded = self._commanded.tolist()
         for n in range(self._substeps):
+            if self._see is not None:
+                self._see([axis.tilt for axis in self._state], [axis.tilt_rate for axis in self._state])
             self.partner.force(self.time + n * self._step, self._far_position, self._far_velocity, self._partner_force)
             for i, axis in enumerate(self._state):
                 axis.advance(commanded[i], float(self._partner_force[i]))
