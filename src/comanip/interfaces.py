@@ -123,8 +123,9 @@ class Plant(Protocol):
 class Partner(Protocol):
     """The person (or machine) at the other end of the object.
 
-    One who levels the object by eye has a method `see(tilt, rate)`, too: a plant that knows the object's tilt calls it before each
-    `force`, with (d,) angles [rad], positive where the partner's end is farther along the axis than the robot's, and [rad/s].
+    One who levels the object by eye has a method `see(tilt, rate)`, too: a plant that knows the object's tilt calls it before
+    each `force`, with (d,) angles [rad], positive where the partner's end is farther along the axis than the robot's, and their
+    rates [rad/s].
     """
 
     def reset(self, position: Array) -> None:

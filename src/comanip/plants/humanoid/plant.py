@@ -7,7 +7,7 @@ at single instants it would alias.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import islice
 from math import isfinite
 from pathlib import Path
@@ -161,6 +161,15 @@ class HumanoidPlant:
         self._user[:] = self._force[:] = [0.5 * self.load_mass_kg * weight for weight in self._weight]
         self._position[:], self._velocity[:] = self._sensors[self._far], 0.0
         self.partner.reset(self._position.copy())
+        self._see = getattr(self.partner, "see", None)
+
+    def _show_tilt(self, see: Callable[[list[float], list[float]], None]) -> None:
+        """To a partner who levels the object by eye."""
+        now, tilt, rate = self._sensors.tolist(), [], []
+        for i, axis in enumerate(self._columns):
+            tilt.append((float(self._position[i]) - now[HAND_POSITION + axis]) / self.length_m - (axis == 0))
+            rate.append((float(self._velocity[i]) - now[HAND_VELOCITY + axis]) / self.length_m)
+        see(tilt, rate)
 
     def read(self, obs: Observation) -> None:
         data, scene, out, now = self._data, self.scene, self._channels, self._trace[-1]
@@ -210,6 +219,8 @@ class HumanoidPlant:
                 self._limits.count(data, self._ik)
             servos.step()
             control[:] = servos.control
+            if self._see is not None:
+                self._show_tilt(self._see)
             self.partner.force(self.time, self._position, self._velocity, force)
             self._pull[self._task] = force
             user += force
