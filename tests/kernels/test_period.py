@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from comanip import kernels
 from comanip.interfaces import Command, Observation
-from comanip.people.intent import Legs, Plan, Unsteadiness, Yielding
+from comanip.people.intent import Course, Curve, Legs, Plan, Unsteadiness, Yielding
 from comanip.people.misbehaving import Blocks
 from comanip.people.partners import Arm, HumanFollower, HumanLeader, HumanSharing
 from comanip.plants.beam import Beam, BeamPlant, WristSensor
@@ -17,7 +17,7 @@ from comanip.plants.beam import Beam, BeamPlant, WristSensor
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
 AXES = (("z",), ("x",), ("z", "x"), ("y", "z", "x"))  # x lies along the beam
 STEPS = ((0.01, 0.001), (0.004, 0.0007), (0.001, 0.001))  # control period and sub-step [s]
-KINDS = ("leader", "leader in legs", "follower", "sharing")
+KINDS = ("leader", "leader in legs", "leader on a course", "follower", "follower on all axes", "sharing", "sharing a course")
 
 
 def person(kind, rng, axes, substep_s=0.001):
@@ -26,6 +26,13 @@ def person(kind, rng, axes, substep_s=0.001):
         rng.uniform(60.0, 600.0), rng.uniform(5.0, 40.0), rng.uniform(5.0, 12.0), Unsteadiness(tremor_n=rng.uniform(0.0, 0.1))
     )
     yielding = Yielding(rng.uniform(15.0, 60.0), rng.uniform(0.0, 1.0), delay_s=rng.uniform(0.0, 0.25))
+    if "course" in kind:
+        plan = winding(rng, len(axes))
+        if kind == "sharing a course":
+            return HumanSharing(plan, yielding, arm, **about)
+        return HumanLeader(plan, arm, carried=rng.uniform(-9.0, 9.0, len(axes)), **about)
+    if kind == "follower on all axes":
+        return HumanFollower(yielding, arm, **{**about, "moving": axes})
     plan = Plan(rng.uniform(-0.3, 0.3), rng.uniform(0.3, 3.0), rng.uniform(0.0, 2.0), rng.uniform(0.0, 2.0))
     if kind == "follower":
         return HumanFollower(yielding, arm, **about)
@@ -33,6 +40,13 @@ def person(kind, rng, axes, substep_s=0.001):
         return HumanSharing(plan, yielding, arm, **about)
     legs = Legs(((0.2, 0.7, 0.1), (0.8, 1.5, -0.25), (1.5, 0.4, 0.1)), 0.8)
     return HumanLeader(legs if kind == "leader in legs" else plan, arm, **about)
+
+
+def winding(rng, d):
+    """Overlapping legs in d axes, and a sampled curve added to them that begins and ends within the run."""
+    legs = tuple((0.3 * n, rng.uniform(0.4, 1.5), tuple(rng.uniform(-0.2, 0.2, d))) for n in range(3))
+    turned = np.sin(np.linspace(0.0, 7.0, 90))[:, None] * rng.uniform(-0.1, 0.1, d)
+    return Course(legs, Curve.through(0.21, 0.007, turned), rng.uniform(0.0, 2.0))
 
 
 def plant(kind, seed, axes, *, compiled, **about):

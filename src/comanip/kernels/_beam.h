@@ -14,7 +14,7 @@ typedef struct { /* partners.Person.numbers, in this order */
 } Human;
 
 typedef struct { double axial, gravity, start, moves, carried, origin, phase; } Along; /* of each axis */
-typedef struct { double start, duration, far; } Leg;                                   /* humans.Legs */
+typedef struct { double start, duration, far[]; } Leg;                                 /* of humans.Course, far[d] */
 typedef struct { double pull, surplus; } Felt;
 
 typedef struct { /* _TransverseAxis, and Intent and Noise of the person */
@@ -27,12 +27,13 @@ typedef struct { /* _TransverseAxis, and Intent and Noise of the person */
 enum { SHOWN = 11 }; /* numbers of an End that the plant shows: the first ones */
 
 typedef struct {
-    int d, substeps, n_legs, person_late, sensor_late, left, spare;
+    int d, substeps, n_legs, n_rows, person_late, sensor_late, left, spare;
     Wrist wrist;
     Human human;
     Along along[MOST_AXES];
     End ends[MOST_AXES];
-    Leg *legs;
+    double curve_start, curve_step;
+    double *legs, *curve; /* [n_legs][2 + d]; [n_rows][3][d] of humans.Curve */
     double *block, *next_block; /* [d][NOISE_BLOCK], used from the end */
 } Beam;
 
@@ -43,6 +44,17 @@ static void minimum_jerk(double s, double *out) {
     out[2] = within_it ? s * (60.0 + s * (-180.0 + 120.0 * s)) : 0.0;
 }
 
+/* The rest of Along.at: what the sampled curve adds. */
+static void sample(const Beam *b, int i, double time, double *x, double *v, double *a) {
+    const double last = b->n_rows - 1, asked = (time - b->curve_start) / b->curve_step;
+    const double place = asked <= 0.0 ? 0.0 : asked < last ? asked : last;
+    const int n = (int)place < b->n_rows - 2 ? (int)place : b->n_rows - 2;
+    const double share = place - n, *one = b->curve + n * 3 * b->d + i, *other = one + 3 * b->d;
+    *x += (1.0 - share) * one[0] + share * other[0];
+    *v += (1.0 - share) * one[b->d] + share * other[b->d];
+    *a += (1.0 - share) * one[2 * b->d] + share * other[2 * b->d];
+}
+
 /* Intent.step: equilibrium from the start, its velocity and the planned acceleration. */
 static void intend(Beam *b, int i, double time, double *x, double *v, double *a) {
     const Human *h = &b->human;
@@ -50,13 +62,14 @@ static void intend(Beam *b, int i, double time, double *x, double *v, double *a)
     const int moves = b->along[i].moves != 0.0;
     *x = *v = *a = 0.0;
     for (int n = 0; n < b->n_legs && moves; n++) {
-        const Leg *leg = &b->legs[n];
+        const Leg *leg = (const Leg *)(b->legs + n * (2 + b->d));
         double unit[3];
         minimum_jerk((time - leg->start) / leg->duration, unit);
-        *x += leg->far * unit[0];
-        *v += leg->far * unit[1] / leg->duration;
-        *a += leg->far * unit[2] / pow(leg->duration, 2.0);
+        *x += leg->far[i] * unit[0];
+        *v += leg->far[i] * unit[1] / leg->duration;
+        *a += leg->far[i] * unit[2] / pow(leg->duration, 2.0);
     }
+    if (b->n_rows && moves) sample(b, i, time, x, v, a);
     e->planned_speed = *v;
     if (h->yields == 0.0 || !moves) return;
     const Felt before = e->past[e->oldest];
@@ -148,22 +161,25 @@ typedef struct {
 } Beams;
 
 static PyObject *beam_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-    PyObject *wrist, *human, *along, *legs;
+    PyObject *wrist, *human, *along, *legs, *curve, *clock;
     int substeps, person_late, sensor_late;
     (void)keywords;
-    if (!PyArg_ParseTuple(args, "OOOOiii", &wrist, &human, &along, &legs, &substeps, &person_late, &sensor_late)) return NULL;
-    const Py_ssize_t d = count_of(along) / (Py_ssize_t)(sizeof(Along) / 8), n_legs = count_of(legs) / 3;
+    if (!PyArg_ParseTuple(args, "OOOOOOiii", &wrist, &human, &along, &legs, &curve, &clock, &substeps, &person_late, &sensor_late)) return NULL;
+    const Py_ssize_t d = count_of(along) / (Py_ssize_t)(sizeof(Along) / 8), on_legs = count_of(legs), on_curve = count_of(curve);
     if (PyErr_Occurred()) return NULL;
     if (d < 1 || d > MOST_AXES || substeps < 1 || substeps > NOISE_BLOCK || person_late < 1 || sensor_late < 0)
         return PyErr_Format(PyExc_ValueError, "a beam has 1 to %d axes, substeps and delays", MOST_AXES);
+    const Py_ssize_t n_legs = on_legs / (2 + d), n_rows = on_curve / (3 * d);
+    if (n_rows == 1) return PyErr_Format(PyExc_ValueError, "a curve has no rows, or two and more");
     Beams *self = (Beams *)PyType_GenericAlloc(type, 0);
     if (!self) return NULL;
     Beam *b = &self->beam;
-    *b = (Beam){.d = (int)d, .substeps = substeps, .n_legs = (int)n_legs, .person_late = person_late, .sensor_late = sensor_late};
+    *b = (Beam){.d = (int)d, .substeps = substeps, .n_legs = (int)n_legs, .n_rows = (int)n_rows, .person_late = person_late, .sensor_late = sensor_late};
     Arrays arrays = {.n = 0};
     const double *w = NUMBERS(wrist, sizeof(Wrist) / 8), *h = NUMBERS(human, sizeof(Human) / 8);
-    const double *a = NUMBERS(along, d * (Py_ssize_t)(sizeof(Along) / 8)), *l = NUMBERS(legs, n_legs * 3);
-    const size_t size = 2 * d * NOISE_BLOCK + 3 * n_legs + d * (2 * person_late + sensor_late + 1);
+    const double *a = NUMBERS(along, d * (Py_ssize_t)(sizeof(Along) / 8)), *l = NUMBERS(legs, n_legs * (2 + d));
+    const double *c = NUMBERS(curve, n_rows * 3 * d), *t = NUMBERS(clock, 2);
+    const size_t size = 2 * d * NOISE_BLOCK + (2 + d) * n_legs + 3 * d * n_rows + d * (2 * person_late + sensor_late + 1);
     double *from = self->memory = PyErr_Occurred() ? NULL : calloc(size, sizeof(double));
     if (!from) {
         if (!PyErr_Occurred()) PyErr_NoMemory();
@@ -175,8 +191,9 @@ static PyObject *beam_new(PyTypeObject *type, PyObject *args, PyObject *keywords
     memcpy(&b->human, h, sizeof(Human));
     memcpy(b->along, a, sizeof(Along) * d);
     b->block = from, b->next_block = from + d * NOISE_BLOCK, from = b->next_block + d * NOISE_BLOCK;
-    memcpy(b->legs = (Leg *)from, l, sizeof(Leg) * n_legs);
-    from += 3 * n_legs;
+    memcpy(b->legs = from, l, sizeof(double) * (2 + d) * n_legs), from += (2 + d) * n_legs;
+    memcpy(b->curve = from, c, sizeof(double) * 3 * d * n_rows), from += 3 * d * n_rows;
+    b->curve_start = t[0], b->curve_step = t[1];
     for (int i = 0; i < d; i++) {
         End *e = &b->ends[i];
         e->position = e->far_position = b->along[i].start, e->phase = b->along[i].phase;

@@ -13,12 +13,13 @@ and Hogan, delays and dead zone as in haptic tracking, sharing as in Reed and Pe
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp, pi, sin, sqrt
 
 import numpy as np
 
 from ..errors import ParameterError
+from ..interfaces import Array
 
 BLOCK = 2048  # normal numbers drawn at once; kernels/_beam.h knows it
 
@@ -75,6 +76,132 @@ class Legs:
         return x, v, a
 
 
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A motion given by dense samples, for what legs cannot say (circles): held before its first sample and after its last.
+
+    table   (T, 3, d) displacement [m], velocity [m/s] and acceleration [m/s^2] every `step_s` from `start_s` on, at rest at both
+            ends; between samples each of the three is on the straight line
+    """
+
+    start_s: float
+    step_s: float
+    table: Array
+
+    def __post_init__(self) -> None:
+        table = np.array(self.table, dtype=float)
+        if table.ndim != 3 or table.shape[1] != 3 or len(table) < 2 or not self.step_s > 0:
+            raise ParameterError(f"a curve is (T >= 2, 3, d) every step_s > 0; got {table.shape} every {self.step_s} s")
+        if not np.isfinite(table).all() or table[[0, -1], 1:].any():
+            raise ParameterError("a curve must be finite, and at rest at both ends: velocity and acceleration 0")
+        table.setflags(write=False)
+        object.__setattr__(self, "table", table)
+
+    @classmethod
+    def through(cls, start_s: float, step_s: float, displacement: Array) -> Curve:
+        """Through displacements (T, d) [m]; velocity and acceleration are their central differences."""
+        velocity = np.gradient(displacement, step_s, axis=0)
+        velocity[[0, -1]] = 0.0
+        acceleration = np.gradient(velocity, step_s, axis=0)
+        acceleration[[0, -1]] = 0.0
+        return cls(start_s, step_s, np.stack([displacement, velocity, acceleration], axis=1))
+
+    @property
+    def stop_s(self) -> float:
+        return self.start_s + self.step_s * (len(self.table) - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Where somebody means to go in d axes, from where it began: minimum-jerk legs and, added to them, a sampled curve.
+
+    legs   ((start [s], duration [s], displacement (d,) [m]), ...), one after the other or overlapping, which rounds a corner;
+           with one axis a displacement may be a number
+    """
+
+    legs: tuple[tuple[float, float, tuple[float, ...]], ...] = ()
+    curve: Curve | None = None
+    feedforward_kg: float = 1.0  # m_ff: how much of the load's inertia is anticipated
+
+    def __post_init__(self) -> None:
+        legs = tuple((float(a), float(t), tuple(np.atleast_1d(np.asarray(far, dtype=float)).tolist())) for a, t, far in self.legs)
+        object.__setattr__(self, "legs", legs)
+        sizes = {len(far) for _, _, far in legs} | ({self.curve.table.shape[2]} if self.curve is not None else set())
+        if len(sizes) != 1:
+            raise ParameterError(f"a course needs legs or a curve, all with the same axes; got {sorted(sizes)} axes")
+        if any(not duration > 0 for _, duration, _ in legs):
+            raise ParameterError(f"legs of a course need durations > 0 s; got {[t for _, t, _ in legs]}")
+
+    @classmethod
+    def still(cls, n_axes: int, feedforward_kg: float = 1.0) -> Course:
+        """Of somebody who means to stay where it began."""
+        return cls(((0.0, 1.0, (0.0,) * n_axes),), feedforward_kg=feedforward_kg)
+
+    @property
+    def n_axes(self) -> int:
+        return len(self.legs[0][2]) if self.legs else int(self.curve.table.shape[2])  # type: ignore[union-attr]
+
+    @property
+    def start_s(self) -> float:
+        """When the motion begins [s]."""
+        return min([a for a, _, _ in self.legs] + ([self.curve.start_s] if self.curve is not None else []))
+
+    @property
+    def stop_s(self) -> float:
+        """When it has come to its end [s]."""
+        return max([a + t for a, t, _ in self.legs] + ([self.curve.stop_s] if self.curve is not None else []))
+
+    @property
+    def end(self) -> Array:
+        """Displacement (d,) [m] in the end."""
+        sums = [sum(far[i] for _, _, far in self.legs) for i in range(self.n_axes)]
+        return np.array(sums, dtype=float) + (self.curve.table[-1, 0] if self.curve is not None else 0.0)
+
+    def along(self, axis: int) -> Along:
+        """The same, of one axis."""
+        rows = None if self.curve is None else self.curve.table[:, :, axis].tolist()
+        clock = (0.0, 1.0) if self.curve is None else (self.curve.start_s, self.curve.step_s)
+        return Along(tuple((a, t, far[axis]) for a, t, far in self.legs), rows, clock)
+
+    def at(self, time_s: float) -> tuple[Array, Array, Array]:
+        """Displacement [m], velocity [m/s] and acceleration [m/s^2], (d,) each, meant at `time_s` [s]."""
+        x, v, a = np.array([self.along(i).at(time_s) for i in range(self.n_axes)]).T
+        return x, v, a
+
+    def sampled(self, times_s: Array) -> Array:
+        """Displacement (T, d) [m] at `times_s` (T,) [s]."""
+        axes = [self.along(i) for i in range(self.n_axes)]
+        return np.array([[one.at(t)[0] for one in axes] for t in np.asarray(times_s, dtype=float).tolist()])
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """One axis of a `Course`, in plain floats: kernels/_beam.h adds in the same order."""
+
+    legs: tuple[tuple[float, float, float], ...]
+    rows: list[list[float]] | None = field(default=None, repr=False)
+    clock: tuple[float, float] = (0.0, 1.0)
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """Position [m], velocity [m/s] and acceleration [m/s^2] meant at `time` [s]."""
+        x = v = a = 0.0
+        for start, duration, far in self.legs:
+            p, dp, ddp = minimum_jerk((time - start) / duration)
+            x, v, a = x + far * p, v + far * dp / duration, a + far * ddp / duration**2
+        if self.rows is None:
+            return x, v, a
+        last = len(self.rows) - 1
+        place = min(max((time - self.clock[0]) / self.clock[1], 0.0), float(last))
+        n = min(int(place), last - 1)
+        share = place - n
+        one, other = self.rows[n], self.rows[n + 1]
+        return (
+            x + ((1.0 - share) * one[0] + share * other[0]),
+            v + ((1.0 - share) * one[1] + share * other[1]),
+            a + ((1.0 - share) * one[2] + share * other[2]),
+        )
+
+
 @dataclass(frozen=True)
 class Yielding:
     """How somebody moves with what he feels."""
@@ -99,7 +226,7 @@ class Intent:
     step_s           [s] between two calls of `step`
     """
 
-    def __init__(self, plan: Plan | Legs | None, yielding: Yielding | None, step_s: float) -> None:
+    def __init__(self, plan: Plan | Legs | Along | None, yielding: Yielding | None, step_s: float) -> None:
         self.plan, self.yielding, self.step_s = plan, yielding, step_s
         self.mix = 1.0 - exp(-2 * pi * yielding.felt_bandwidth_hz * step_s) if yielding else 0.0
         self.late = max(1, round(yielding.delay_s / step_s)) if yielding else 1

@@ -12,6 +12,7 @@ sharing   both at once: he has a plan and yields to what he did not expect, e = 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import pi
 from typing import NamedTuple
@@ -20,10 +21,11 @@ import numpy as np
 
 from ..errors import ParameterError
 from ..interfaces import STANDARD_GRAVITY, Array
-from .intent import Intent, Legs, Noise, Plan, Unsteadiness, Yielding, minimum_jerk
+from .intent import Course, Intent, Legs, Noise, Plan, Unsteadiness, Yielding, minimum_jerk
 
 __all__ = [
     "Arm",
+    "Course",
     "HumanFollower",
     "HumanLeader",
     "HumanSharing",
@@ -56,36 +58,49 @@ class Person(NamedTuple):
     """A human by numbers, as kernels/_beam.h takes him.
 
     numbers (16,) its Human; along (d, 4) whether he moves along an axis, what he carries there, its origin, the phase of his
-    tremor; legs (n, 3) of his plan; late, his delay in sub-steps; rng, where his unsteadiness comes from
+    tremor; legs (n, 2 + d) and curve (T, 3, d) of his plan, with the curve's start and step [s]; late, his delay in sub-steps;
+    rng, where his unsteadiness comes from
     """
 
     numbers: Array
     along: Array
     legs: Array
+    curve: Array
+    clock: Array
     late: int
     rng: np.random.Generator
 
 
 class _Human:
-    """The one model behind the three: he moves along axis `moving` as he intends and holds the others."""
+    """The one model behind the three: he moves along the axes `moving` as he intends and holds the others.
+
+    plan      a `Course` moves along all axes; a `Plan` or `Legs` is the same motion along each axis of `moving`
+    carried   (d,) [N] the share of the weight along each axis; default: all of `arm.carried_n` along "z"
+    """
 
     def __init__(
         self,
-        plan: Plan | Legs | None,
+        plan: Plan | Legs | Course | None,
         yielding: Yielding | None,
         arm: Arm,
         *,
         axes: tuple[str, ...] = ("z",),
-        moving: str = "z",
+        moving: str | tuple[str, ...] = "z",
+        carried: Sequence[float] | None = None,
         substep_s: float = 0.001,
         rng: np.random.Generator,
     ) -> None:
         self.arm, self.axes = arm, axes
         self._plan, self._yielding = plan, yielding
         self._feedforward = plan.feedforward_kg if plan else 0.0
-        self._moving = tuple(1.0 if name == moving else 0.0 for name in axes)
-        self._carried = tuple(arm.carried_n if name == "z" else 0.0 for name in axes)
-        self._intents = [Intent(plan, yielding, substep_s) if m else Intent(None, None, substep_s) for m in self._moving]
+        self._moving = _moves(plan, axes, moving)
+        self._carried = tuple(arm.carried_n if name == "z" else 0.0 for name in axes) if carried is None else _each(carried, axes)
+        self._intents = [
+            Intent(plan.along(i) if isinstance(plan, Course) else plan, yielding, substep_s)
+            if m
+            else Intent(None, None, substep_s)
+            for i, m in enumerate(self._moving)
+        ]
         self._noise = [Noise(arm.unsteadiness, substep_s, rng) for _ in axes]
         self._origin = [0.0] * len(axes)
 
@@ -97,7 +112,7 @@ class _Human:
 
     def by_numbers(self) -> Person | None:
         """This human after his reset, and until the next one; None for one who is not wholly of this module."""
-        ours = type(self) in (HumanLeader, HumanFollower, HumanSharing) and type(self._plan) in (Plan, Legs, type(None))
+        ours = type(self) in (HumanLeader, HumanFollower, HumanSharing) and type(self._plan) in (Plan, Legs, Course, type(None))
         asked = "force" in vars(self) or len(self._origin) != len(self.axes)  # by somebody who knows better, or wrongly
         if not ours or asked or any(noise.block for noise in self._noise):
             return None
@@ -108,10 +123,21 @@ class _Human:
             y.persistence, y.lag_s, y.dead_zone_n, intent.mix, intent.step_s, noise.keep, noise.fresh, kind.relative,
             kind.absolute_n, kind.tremor_n, 2 * pi * kind.tremor_hz * noise.step,
         ]  # fmt: skip
-        plan = self._plan
-        legs = () if plan is None else plan.legs if isinstance(plan, Legs) else ((plan.onset_s, plan.duration_s, plan.lift_m),)
         along = np.column_stack([self._moving, self._carried, self._origin, [n.phase for n in self._noise]])
-        return Person(np.array(numbers), along, np.array(legs).reshape(-1, 3), intent.late, noise.rng)
+        return Person(np.array(numbers), along, *self._plan_by_numbers(), intent.late, noise.rng)
+
+    def _plan_by_numbers(self) -> tuple[Array, Array, Array]:
+        """Legs, curve and its clock as `Person` holds them."""
+        plan, d = self._plan, len(self.axes)
+        if isinstance(plan, Course):
+            legs = np.array([[a, t, *far] for a, t, far in plan.legs]).reshape(-1, 2 + d)
+            curve = plan.curve
+            if curve is None:
+                return legs, np.zeros((0, 3, d)), np.array([0.0, 1.0])
+            return legs, curve.table, np.array([curve.start_s, curve.step_s])
+        one = () if plan is None else plan.legs if isinstance(plan, Legs) else ((plan.onset_s, plan.duration_s, plan.lift_m),)
+        legs = np.array([[a, t, *[far * m for m in self._moving]] for a, t, far in one]).reshape(-1, 2 + d)
+        return legs, np.zeros((0, 3, d)), np.array([0.0, 1.0])
 
     def force(self, time: float, position: Array, velocity: Array, out: Array) -> None:
         arm = self.arm
@@ -126,13 +152,31 @@ class _Human:
             out[i] = force
 
 
+def _moves(plan: Plan | Legs | Course | None, axes: tuple[str, ...], moving: str | tuple[str, ...]) -> tuple[float, ...]:
+    """1 for each axis that somebody moves along, else 0."""
+    if isinstance(plan, Course):
+        if plan.n_axes != len(axes):
+            raise ParameterError(f"the course has {plan.n_axes} axes; the partner's are {', '.join(axes)}")
+        return (1.0,) * len(axes)
+    names = (moving,) if isinstance(moving, str) else tuple(moving)
+    return tuple(1.0 if name in names else 0.0 for name in axes)
+
+
+def _each(values: Sequence[float], axes: tuple[str, ...]) -> tuple[float, ...]:
+    if len(values) != len(axes):
+        raise ParameterError(f"carried has {len(values)} entries; allowed: {len(axes)}, one an axis ({', '.join(axes)})")
+    return tuple(float(v) for v in values)
+
+
 class _Planning(_Human):
     """Whoever has a plan. `goal` (d,) [m] is where he means the far end to be in the end."""
 
-    plan: Plan | Legs
+    plan: Plan | Legs | Course
 
     @property
     def goal(self) -> Array:
+        if isinstance(self.plan, Course):
+            return np.array(self._origin) + self.plan.end
         return np.array([o + s * self.plan.lift_m for o, s in zip(self._origin, self._moving, strict=True)])
 
 
@@ -141,15 +185,16 @@ class HumanLeader(_Planning):
 
     def __init__(
         self,
-        plan: Plan | Legs = Plan(),
+        plan: Plan | Legs | Course = Plan(),
         arm: Arm = Arm(),
         *,
         axes: tuple[str, ...] = ("z",),
-        moving: str = "z",
+        moving: str | tuple[str, ...] = "z",
+        carried: Sequence[float] | None = None,
         substep_s: float = 0.001,
         rng: np.random.Generator,
     ) -> None:
-        super().__init__(plan, None, arm, axes=axes, moving=moving, substep_s=substep_s, rng=rng)
+        super().__init__(plan, None, arm, axes=axes, moving=moving, carried=carried, substep_s=substep_s, rng=rng)
         self.plan = plan
 
 
@@ -162,11 +207,12 @@ class HumanFollower(_Human):
         arm: Arm = Arm(stiffness_n_per_m=90.0, damping_ns_per_m=22.0),
         *,
         axes: tuple[str, ...] = ("z",),
-        moving: str = "z",
+        moving: str | tuple[str, ...] = "z",
+        carried: Sequence[float] | None = None,
         substep_s: float = 0.001,
         rng: np.random.Generator,
     ) -> None:
-        super().__init__(None, yielding, arm, axes=axes, moving=moving, substep_s=substep_s, rng=rng)
+        super().__init__(None, yielding, arm, axes=axes, moving=moving, carried=carried, substep_s=substep_s, rng=rng)
         self.yielding = yielding
         self.reset(np.zeros(len(axes)))  # draws a phase of the tremor: the published figures rest on this order of draws
 
@@ -176,16 +222,17 @@ class HumanSharing(_Planning):
 
     def __init__(
         self,
-        plan: Plan = Plan(),
+        plan: Plan | Legs | Course = Plan(),
         yielding: Yielding = Yielding(),
         arm: Arm = Arm(stiffness_n_per_m=100.0, damping_ns_per_m=20.0),
         *,
         axes: tuple[str, ...] = ("z",),
-        moving: str = "z",
+        moving: str | tuple[str, ...] = "z",
+        carried: Sequence[float] | None = None,
         substep_s: float = 0.001,
         rng: np.random.Generator,
     ) -> None:
-        super().__init__(plan, yielding, arm, axes=axes, moving=moving, substep_s=substep_s, rng=rng)
+        super().__init__(plan, yielding, arm, axes=axes, moving=moving, carried=carried, substep_s=substep_s, rng=rng)
         self.plan, self.yielding = plan, yielding
 
 

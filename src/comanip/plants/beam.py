@@ -13,7 +13,7 @@ the beam ("axial") the two ends move as one. Each sub-step solves its linear equ
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, isfinite
 from typing import Any
@@ -22,7 +22,8 @@ import numpy as np
 
 from .. import kernels
 from ..errors import ParameterError
-from ..interfaces import STANDARD_GRAVITY, Array, Command, Observation, Partner
+from ..interaction import gravity_along
+from ..interfaces import Array, Command, Observation, Partner
 from ..people.intent import BLOCK
 from ..signals.second_order import second_order_step
 
@@ -115,7 +116,8 @@ SHOWN = 11  # of each axis: its floats above, far end's position and velocity, t
 class BeamPlant:
     """Robot hand, beam and partner in closed loop, for any task axes.
 
-    axes            names; "z" is vertical (gravity), the axis named `axial` lies along the beam, others are lateral
+    axes            names; the axis named `axial` lies along the beam, the others are across it
+    gravity         (d,) [m/s^2], negative along an axis that points up; default: down along "z"
     dt              control period [s]; physics runs in `substep_s` <= 1 ms steps that divide it
     start_position  (d,) of the hand [m]
     rng             sensor noise; pass your own for a reproducible run
@@ -129,6 +131,7 @@ class BeamPlant:
         sensor: WristSensor = WristSensor(),
         axes: tuple[str, ...] = ("z",),
         axial: str = "x",
+        gravity: Sequence[float] | None = None,
         dt: float = 0.01,
         substep_s: float = 0.001,
         start_position: Array | None = None,
@@ -144,9 +147,12 @@ class BeamPlant:
         self._start = np.zeros(d) if start_position is None else np.array(start_position, dtype=float)
         if self._start.shape != (d,):
             raise ParameterError(f"start_position needs {d} values for axes {self.axes}; got {self._start.shape}")
+        down = gravity_along(self.axes) if gravity is None else np.array(gravity, dtype=float)
+        if down.shape != (d,):
+            raise ParameterError(f"gravity needs {d} values for axes {self.axes}; got {down.shape}")
         self._state = [
-            (_AxialAxis if name == axial else _TransverseAxis)(beam, STANDARD_GRAVITY if name == "z" else 0.0, self._step)
-            for name in self.axes
+            (_AxialAxis if name == axial else _TransverseAxis)(beam, 0.0 - g, self._step)
+            for name, g in zip(self.axes, down.tolist(), strict=True)
         ]
         self._commanded = np.zeros(d)
         self._shown = np.zeros(SHOWN * d)
@@ -198,7 +204,9 @@ class BeamPlant:
         ])  # fmt: skip
         ends = np.array([[isinstance(a, _AxialAxis), a.gravity, a.position] for a in self._state], dtype=float)
         along = np.hstack([ends, person.along])
-        made = kernels.native.Beam(wrist, person.numbers, along, person.legs, self._substeps, person.late, late)
+        made = kernels.native.Beam(
+            wrist, person.numbers, along, person.legs, person.curve, person.clock, self._substeps, person.late, late
+        )
         return made, person.rng
 
     def read(self, obs: Observation) -> None:
