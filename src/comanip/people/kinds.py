@@ -22,7 +22,7 @@ from . import habits as h
 from . import minds as m
 from . import plans
 from .body import Body
-from .course import Course
+from .intent import Course
 from .lqg import Optimal
 from .person import Person, Together
 
@@ -244,7 +244,7 @@ def make(
     body = kind.body(body, rng)
     body = body if role == LEADING else body.steady()
     if event_s is None and course is not None and role == LEADING:
-        event_s = course.start_s + float(rng.uniform(0.3, 0.7)) * course.duration_s
+        event_s = course.start_s + float(rng.uniform(0.3, 0.7)) * plans.lasting(course)
     mind = kind.minds.get(role, m.Impedance if role == LEADING else m.Shares)
     own = course if role == LEADING else None
     n, people = len(axes), []
@@ -261,6 +261,6 @@ def _parted(n: int, course: Course | None, body: Body, rng: np.random.Generator)
     all_of_them: list[tuple[Course | None, Body]] = [(course, share)]
     for _ in range(n - 1):
         late, off = float(rng.uniform(0.05, 0.25)), 1.0 + float(rng.uniform(-0.03, 0.03))
-        other = None if course is None else Course(course.times_s + late, off * course.displacements_m)
+        other = None if course is None else plans.later(plans.enlarged(course, off), late)
         all_of_them.append((other, share))
     return all_of_them

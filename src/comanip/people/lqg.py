@@ -21,6 +21,7 @@ import numpy as np
 
 from ..interfaces import Array
 from .minds import Floats, Mind
+from .plans import lasting, path
 
 TICK_S = 0.01  # of the person's thought
 LAG_S = 0.040
@@ -155,13 +156,11 @@ def vias(mind: Mind) -> Sequence[tuple[float, float, Array]]:
     """(start [s], stop [s], displacement (d,)) of the targets: the end alone where the path is straight, else some on the way."""
     course = mind.course
     assert course is not None
-    times = np.linspace(course.start_s, course.stop_s, 60)
-    path = np.array([course.at(float(t))[0] for t in times])
-    size = float(np.linalg.norm(course.end))
-    along = path @ (course.end / max(size, 1e-9))
-    aside = np.linalg.norm(path - np.outer(along, course.end / max(size, 1e-9)), axis=1).max()
-    if aside < STRAIGHT_M and (np.diff(along) > -STRAIGHT_M / 10.0).all():
+    _, x, _ = path(course)
+    size = max(float(np.linalg.norm(course.end)), 1e-9)
+    along = x @ (course.end / size)
+    aside = np.linalg.norm(x - np.outer(along, course.end / size), axis=1).max()
+    if aside < STRAIGHT_M and (along - np.maximum.accumulate(along)).min() > -STRAIGHT_M:
         return [(course.start_s, course.stop_s, course.end)]
-    n = max(2, round(course.duration_s / VIA_S))
-    ends = np.linspace(course.start_s, course.stop_s, n + 1)
-    return [(float(a), float(b), np.array(course.at(float(b))[0])) for a, b in pairwise(ends)]
+    ends = np.linspace(course.start_s, course.stop_s, max(2, round(lasting(course) / VIA_S)) + 1).tolist()
+    return [(a, b, np.array(course.at(b)[0])) for a, b in pairwise(ends)]

@@ -12,9 +12,8 @@ from math import sqrt, tanh
 
 import numpy as np
 
-from ..humans import Intent, Yielding
 from .body import Body
-from .course import Course
+from .intent import Course, Intent, Yielding
 
 Floats = Sequence[float]
 
@@ -28,6 +27,7 @@ class Mind:
         self.body, self.d, self.step_s, self.rng = body, n_axes, step_s, rng
         self._still = (0.0,) * n_axes
         self.course = course
+        self._along = [] if course is None else [course.along(i) for i in range(n_axes)]
         self.draw()
 
     def draw(self) -> None:
@@ -39,7 +39,10 @@ class Mind:
     def meant(self, time: float) -> tuple[Floats, Floats, Floats]:
         if self.course is None:
             return self._still, self._still, self._still
-        return self.course.at(time)
+        if self.d == 1:
+            x, v, a = self._along[0].at(time)
+            return (x,), (v,), (a,)
+        return tuple(zip(*[one.at(time) for one in self._along], strict=True))  # type: ignore[return-value]
 
     def pull(self, time: float, x: Floats, v: Floats, felt: Floats) -> Floats:
         """(d,) [N] of hand displacement x [m], velocity v [m/s] and the force felt so far, beyond the weight."""
@@ -196,8 +199,8 @@ class Corrects(Mind):
         """Toward where the course will be when this sub-movement ends: all at once on a short one, by and by on a long one."""
         assert self.course is not None
         first, course = not self._moves, self.course
-        lasts = min(0.75 * course.duration_s, 2.5) if first else 0.7
-        goal, _, _ = course.at(time + lasts / 0.75) if first else course.at(time + lasts)
+        lasts = min(0.75 * (course.stop_s - course.start_s), 2.5) if first else 0.7
+        goal, _, _ = self.meant(time + lasts / 0.75 if first else time + lasts)
         meant = [sum(far[i] for _, _, far in self._moves) for i in range(self.d)]
         missing = [g - (m if first else 0.5 * (m + s)) for g, m, s in zip(goal, meant, seen, strict=True)]
         if sqrt(sum(one * one for one in missing)) > 0.008:

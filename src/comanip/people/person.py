@@ -13,12 +13,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..exact_step import Step, second_order_step
-from ..humans import Noise, Unsteadiness
 from ..interfaces import Array
+from ..signals.second_order import Step, second_order_step
 from .body import Body
-from .course import Course
 from .habits import Habit
+from .intent import Course, Noise, Unsteadiness
 from .minds import Mind
 
 GRIPS = 64  # how many grips there are between open and closed: each has its own exact step
