@@ -76,7 +76,7 @@ class ReGrasps(Habit):
 
 
 class Releases(Habit):
-    """Lets go for good, within 0.2-2 s: first unburdens the arm, then opens the hand."""
+    """Lets go for good, within 0.2-2 s. `event_s` is when the hand is open; somebody led begins to open it on the way."""
 
     within = (0.2, 2.0)
 
@@ -84,7 +84,10 @@ class Releases(Habit):
         self.within_s = float(self.rng.uniform(*self.within))
 
     def step(self, time: float, x: Sequence[float], v: Sequence[float]) -> None:
-        self.hold = min(max(1.0 - self.since(time, x) / self.within_s, 0.0), 1.0)
+        if self.event_s is None and self.since(time, x) >= 0.0:
+            self.event_s = time + self.within_s
+        left = 1.0 if self.event_s is None else (self.event_s - time) / self.within_s
+        self.hold = min(max(left, 0.0), 1.0)
 
 
 class HandsOver(Habit):

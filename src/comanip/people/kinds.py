@@ -54,6 +54,7 @@ class Kind:
     minds: Mapping[str, type[m.Mind]] = field(default_factory=dict)
     habits: tuple[type[h.Habit], ...] = ()
     people: int = 1
+    robot: str = ""  # another robot instead of a person: "told" its role, or "untold"
     behaviour: str = "steady"
     criteria: Mapping[str, float] = field(default_factory=dict)
 
@@ -166,6 +167,11 @@ KINDS: dict[str, Kind] = {
                        behaviour="changes role", criteria={"end_m": inf, "time_s": inf}),
     "meets a wall": Kind("its end stands against 1-30 kN/m", "assumed: from a cushion to a table", TUNING, BOTH,
                          habits=(h.MeetsWall,), behaviour="blocks", criteria={"vibration_n": inf, "time_s": inf}),
+    # ---- no person at all
+    "another robot": Kind("this package's own law, grip 0.3-4 kN/m", "two robots carry together", TUNING, robot="told",
+                          criteria={"end_m": 0.05, "time_s": inf}),
+    "another robot, untold": Kind("the same, told nothing", "two robots carry together", JUDGING, FOLLOWS, robot="untold",
+                                  criteria={"end_m": 0.05, "time_s": inf}),
     # ---- how it follows
     "resists": Kind("a damper", "Ikeura and Inooka 1995", TUNING, FOLLOWS, minds={FOLLOWING: m.Resists}),
     "stiff shoulder": Kind("2 N of friction and 45-60 N s/m", "assumed: static friction", JUDGING, FOLLOWS,
@@ -231,8 +237,12 @@ def make(
     role     "leading", with a `course` (already `planned`), or "following", where the course is not used
     body     as drawn; the kind may change it
     event_s  when what happens once happens; None: at 0.3-0.7 of the course, or once the hand has been led a little
+
+    Another robot is made of a skill instead: see `robot.RobotPartner` and `trials.people`.
     """
     kind = kind_of(name)
+    if kind.robot:
+        raise ParameterError(f"people: {name!r} is no person: it needs a skill; comanip trial --people gives it one")
     if role not in kind.roles:
         raise ParameterError(f"people: {name!r} plays {' and '.join(kind.roles)} only; got role {role!r}")
     if role == LEADING and course is None:

@@ -152,8 +152,9 @@ def hesitate(course: Course, rng: np.random.Generator) -> Course:
 def reverse(course: Course, rng: np.random.Generator) -> Course:
     """Turns back on the way, and puts it where it was."""
     share = float(rng.uniform(0.3, 0.7))
+    there = max(0.8, 1.3 * share * lasting(course))
     return retimed(
-        course, lambda s: share * (minimum_jerk_way(2.0 * s) - minimum_jerk_way(2.0 * s - 1.0)), duration_s=2.0 * lasts
+        course, lambda s: share * (minimum_jerk_way(2.0 * s) - minimum_jerk_way(2.0 * s - 1.0)), duration_s=2.0 * there
     )
 
 

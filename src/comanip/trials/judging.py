@@ -101,10 +101,18 @@ def partners_goal(case: Case) -> float:
     return 0.0 if case.behaviour == "reverses" else case.lift_m
 
 
-def judge(case: Case, recording: Recording, *, start_m: float = 0.85, taught_ends_m: Array | None = None) -> Verdict:
+def judge(
+    case: Case,
+    recording: Recording,
+    *,
+    start_m: float = 0.85,
+    taught_ends_m: Array | None = None,
+    within: Bounds | None = None,
+) -> Verdict:
     """The verdict on one run. F is the plant's truth, low-passed at 15 Hz like everything a hand can feel.
 
     taught_ends_m   (lessons, 1) heights at which the lessons ended; a leader's goal
+    within          other criteria than `bounds(case)`
 
     What the partner stated of himself (recording.metadata["stated"]: goal_m, onset_s, stop_s) counts before the draw.
     """
@@ -121,7 +129,7 @@ def judge(case: Case, recording: Recording, *, start_m: float = 0.85, taught_end
     if not (np.isfinite(true).all() and np.isfinite(x).all() and np.abs(true).max() < 1e9):
         return DIVERGED
     force = smooth(true, dt, FORCE_CUTOFF_HZ)[:, 0]
-    bound = bounds(case)
+    bound = within or bounds(case)
     stop = _came_to_rest(t, x) if bound.goal == "taught" else stated["stop_s"]  # who leads says when it is over
     late = t >= min(stop + 1.5, t[-1] - 0.3)
     last = t > t[-1] - 0.5

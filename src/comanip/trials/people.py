@@ -1,0 +1,247 @@
+"""Trials with people of many kinds (`comanip.people`): the usual draw, whoever it is, and the criteria of the kind.
+
+Each kind meets the robot with the same draws of strength, delay, load and sensor, and with the same bounds, but for those that
+the kind itself cannot keep: `Kind.criteria` states them. Two more count for all: the force vibrates above 2.5 Hz by no more than
+0.8 N rms while the hand moves, and the motion ends in time.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from math import exp, inf, log, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..evaluation.metrics import vibration
+from ..interaction import TaringInteractionForce
+from ..interfaces import STANDARD_GRAVITY, Array, Partner
+from ..learned.skill import LearnedSkill
+from ..parallel import each
+from ..people.body import Body, draw_body
+from ..people.intent import Course
+from ..people.kinds import FOLLOWING, LEADING, kind_of, make, planned
+from ..people.plans import lasting
+from ..people.robot import Gripper, RobotPartner
+from ..recording import Recording
+from ..signals.filters import smooth
+from .cases import HAND_KG, Case, draw_case
+from .contestants import contestant
+from .judging import FORCE_CUTOFF_HZ, Bounds, Verdict, bounds, judge, success_interval
+from .running import EXPECTED_DELAY_S, START_M, run_case
+
+VIBRATION_N = 0.8  # rms above 2.5 Hz, in motion
+IN_TIME_S = 1.5  # after a leading partner has come to the end
+LED_S = 6.0  # longest motion of somebody who is led
+AXES = ("z",)
+
+
+@dataclass(frozen=True)
+class PersonCase(Case):
+    """A case whose partner is of a kind; what the kind makes of the plan counts for the judge and for how long the run lasts."""
+
+    kind: str = "plain"
+
+    @cached_property
+    def course(self) -> Course:
+        """What a leading partner means."""
+        whole = Course(((self.onset_s, self.duration_s, (self.lift_m,)),), feedforward_kg=0.5 * self.beam_mass_kg)
+        return planned(self.kind, whole, np.random.default_rng([self.seed, 1]))
+
+    @property
+    def event_s(self) -> float:
+        return self.course.start_s + self.event * lasting(self.course) if self.leads else super().event_s
+
+    @property
+    def legs(self) -> tuple[tuple[float, float, float], ...]:
+        return ((self.course.start_s, lasting(self.course), float(self.course.end[0])),)
+
+    @property
+    def stop_s(self) -> float:
+        if self.behaviour in ("blocks", "lets go"):
+            return self.event_s
+        if self.leads:
+            return self.event_s + 0.8 if self.behaviour == "changes role" else self.course.stop_s
+        return 0.0
+
+    @property
+    def within(self) -> Bounds:
+        """The criteria, those of the kind in place of the usual ones."""
+        usual, criteria = bounds(self), kind_of(self.kind).criteria
+        known = {f.name for f in fields(Bounds)}
+        own: dict[str, Any] = {
+            name: value for name, value in criteria.items() if name in known and (name != "end_m" or usual.goal != "taught")
+        }
+        return replace(usual, **own)
+
+    @property
+    def vibration_n(self) -> float:
+        return kind_of(self.kind).criteria.get("vibration_n", VIBRATION_N)
+
+    @property
+    def time_s(self) -> float:
+        """Longest motion that counts as done in time [s]."""
+        usual = lasting(self.course) + IN_TIME_S if self.leads else LED_S
+        return inf if self.behaviour != "steady" else kind_of(self.kind).criteria.get("time_s", usual)
+
+
+class Met(NamedTuple):
+    """What came of one partner. `failures` are those of the verdict, and "vibration" and "too slow"."""
+
+    verdict: Verdict
+    failures: tuple[str, ...]
+    vibration_n: float
+    time_s: float
+
+    @property
+    def success(self) -> bool:
+        return not self.failures
+
+
+def draw_people(role: str, kind: str, n: int, seed: int) -> list[PersonCase]:
+    """`n` partners of `kind` for a robot in `role`, the same draws for each kind; none where it cannot play the other role."""
+    part = kind_of(kind)
+    plays = {"follower": (LEADING,), "leader": (FOLLOWING,)}.get(role, (LEADING, FOLLOWING))
+    if not set(plays) & set(part.roles):
+        return []
+    rng = np.random.default_rng([seed, len(role)])
+    found: list[PersonCase] = []
+    while len(found) < n:
+        case = draw_case(role, rng)
+        if case.partner in part.roles:
+            given = {f.name: getattr(case, f.name) for f in fields(case)}
+            found.append(PersonCase(**{**given, "behaviour": part.behaviour, "kind": kind}))
+    return found
+
+
+def body_of(case: Case) -> Body:
+    """The drawn person of a case, and the arm and the grip that the case does not tell."""
+    rng, share = np.random.default_rng([case.seed, 2]), 0.5 * case.beam_mass_kg
+    return draw_body(
+        rng,
+        load_kg=case.beam_mass_kg,
+        axes_gravity=[-STANDARD_GRAVITY],
+        stiffness_n_per_m=case.stiffness_n_per_m,
+        ratio=case.damping_ns_per_m / (2.0 * sqrt(case.stiffness_n_per_m * (HAND_KG + share))),
+        yielding_ns_per_m=case.yielding_ns_per_m,
+        delay_s=case.delay_s,
+        tremor_n=case.tremor_n,
+    )
+
+
+def person_of(case: PersonCase, rng: np.random.Generator, learned: Mapping[str, LearnedSkill], dt: float) -> Partner:
+    """The partner of the case; `rng` is what makes it unsteady."""
+    if kind_of(case.kind).robot:
+        return _robot(case, rng, learned, dt)
+    course = case.course if case.leads else None
+    once = case.event_s if case.behaviour != "steady" else None
+    return make(case.kind, role=case.partner, course=course, body=body_of(case), axes=AXES, rng=rng, event_s=once)
+
+
+def _robot(case: PersonCase, rng: np.random.Generator, learned: Mapping[str, LearnedSkill], dt: float) -> Partner:
+    own = np.random.default_rng([case.seed, 3])
+    stiffness = exp(own.uniform(log(300.0), log(4000.0)))
+    gripper = Gripper(
+        stiffness, 2.0 * own.uniform(0.2, 0.6) * sqrt(stiffness), delay_s=own.uniform(0.0, 0.020), noise_n=own.uniform(0.05, 0.5)
+    )
+    told = "leader" if case.leads else "follower"
+    skill = contestant("default", told if kind_of(case.kind).robot == "told" else "auto", learned, dt=dt)
+    estimator = TaringInteractionForce(dt, gravity=[-STANDARD_GRAVITY], cutoff_hz=FORCE_CUTOFF_HZ, force_delay_s=EXPECTED_DELAY_S)
+    stated = {}
+    if case.leads:  # a robot lifts as it was taught, at once
+        stated = {"goal_m": float(learned["leader"].ends.mean()) - START_M, "onset_s": 0.0, "stop_s": 4.0}
+    return RobotPartner(skill, estimator, carried_n=(case.carried_n,), gripper=gripper, dt=dt, rng=rng, **stated)
+
+
+def meet(
+    case: PersonCase, learned: Mapping[str, LearnedSkill], law: str, plant: str = "beam", dt: float = 0.01
+) -> tuple[Recording, Met]:
+    """The recording of one partner, and what came of it."""
+    skill = contestant(law, case.role, learned, dt=dt)
+
+    def partner(_: Case, rng: np.random.Generator) -> Partner:
+        return person_of(case, rng, learned, dt)
+
+    with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
+        recording = run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law, "kind": case.kind})
+        ends = learned["leader" if "leader" in learned else case.role].ends
+        return recording, judged(case, recording, taught_ends_m=ends)
+
+
+def judged(case: PersonCase, recording: Recording, *, taught_ends_m: Array | None = None) -> Met:
+    """The verdict by the kind's criteria, with vibration and time."""
+    verdict = judge(case, recording, taught_ends_m=taught_ends_m, within=case.within)
+    if verdict.failures == ("diverged",):
+        return Met(verdict, verdict.failures, inf, inf)
+    hand = recording["hand.position"]
+    x, dt = hand.values[:, 0], float(hand.time[1] - hand.time[0])
+    force = smooth(recording["hand.true_force"].values, dt, FORCE_CUTOFF_HZ)[:, 0]
+    shakes, took = vibration(force, dt, _moving(x)), verdict.duration_s
+    more = [
+        text for value, most, text in ((shakes, case.vibration_n, "vibration"), (took, case.time_s, "too slow")) if value > most
+    ]
+    return Met(verdict, (*verdict.failures, *more), shakes, took)
+
+
+def _moving(x: Array) -> Array:
+    """(T,) from 1 cm after the start until 1 cm before the end; everywhere where nothing ever moved so far."""
+    gone, coming = np.flatnonzero(np.abs(x - x[0]) > 0.01), np.flatnonzero(np.abs(x - x[-1]) > 0.01)
+    moving = np.zeros(len(x), dtype=bool)
+    if len(gone) and len(coming) and gone[0] < coming[-1]:
+        moving[gone[0] : coming[-1] + 1] = True
+    return moving if moving.any() else ~moving
+
+
+def _met(*work: Any) -> Met:
+    """What `meet` comes to, without the recording."""
+    return meet(*work)[1]
+
+
+def meet_all(
+    cases: Sequence[PersonCase],
+    learned: Mapping[str, LearnedSkill],
+    law: str,
+    *,
+    plant: str = "beam",
+    workers: int = 1,
+    dt: float = 0.01,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Met]:
+    """In order, by any number of processes (0: one a core)."""
+    found: list[Met] = []
+    for met in each(_met, [(case, learned, law, plant, dt) for case in cases], n_jobs=workers or -1):
+        found.append(met)
+        if progress is not None:
+            progress(len(found), len(cases))
+    return found
+
+
+def summary(cases: Sequence[PersonCase], met: Sequence[Met]) -> dict[str, Any]:
+    """Over all partners, and under "kinds" over those of each: success with its 95 % interval, medians, reasons of failures."""
+    by: dict[str, list[Met]] = {}
+    for case, one in zip(cases, met, strict=True):
+        by.setdefault(case.kind, []).append(one)
+    return {**_row(met), "kinds": {kind: _row(some) for kind, some in by.items()}}
+
+
+def _row(met: Sequence[Met]) -> dict[str, Any]:
+    good, n = sum(one.success for one in met), len(met)
+    told = [one.verdict.role_right for one in met if one.verdict.role_right == one.verdict.role_right]
+    return {
+        "success": good / max(n, 1),
+        "interval": list(success_interval(good, n)),
+        "partners": n,
+        "effort": _median([one.verdict.effort_n2s for one in met]),
+        "vibration_n": _median([one.vibration_n for one in met]),
+        "time_s": _median([one.time_s for one in met]),
+        "peak_force_n": max((one.verdict.peak_force_n for one in met), default=None),
+        "role_right": float(np.mean(told)) if told else None,
+        "failures": dict(Counter(reason for one in met for reason in one.failures)),
+    }
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return float(np.median(values)) if values else None
