@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -266,7 +267,8 @@ def make(
 
 def _parted(n: int, course: Course | None, body: Body, rng: np.random.Generator) -> list[tuple[Course | None, Body]]:
     """Several share the weight; the others are up to 0.25 s later and stop up to 1 cm elsewhere."""
-    share = replace(body, carried_n=tuple(c / n for c in body.carried_n), load_kg=body.load_kg / n)
+    less: dict[str, Any] = {"load_kg": body.load_kg / n, "yielding_ns_per_m": body.yielding_ns_per_m / n}
+    share = replace(body, carried_n=tuple(c / n for c in body.carried_n), **less)
     share = share.stiffened(share.stiffness_n_per_m / n, body.ratio) if n > 1 else body
     all_of_them: list[tuple[Course | None, Body]] = [(course, share)]
     for _ in range(n - 1):

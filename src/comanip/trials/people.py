@@ -179,7 +179,7 @@ def judged(case: PersonCase, recording: Recording, *, taught_ends_m: Array | Non
     hand = recording["hand.position"]
     x, dt = hand.values[:, 0], float(hand.time[1] - hand.time[0])
     force = smooth(recording["hand.true_force"].values, dt, FORCE_CUTOFF_HZ)[:, 0]
-    shakes, took = vibration(force, dt, _moving(x)), verdict.duration_s
+    shakes, took = vibration(force, dt, _moving(x)), max(verdict.duration_s, 0.0)
     more = [
         text for value, most, text in ((shakes, case.vibration_n, "vibration"), (took, case.time_s, "too slow")) if value > most
     ]
