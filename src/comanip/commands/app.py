@@ -207,6 +207,14 @@ def trial(
     ] = ["default"],
     skill: Annotated[list[Path], Parameter(name="--skill", help="Skill files; default: learned now from 5 lessons a role.")] = [],
     partners_from: Annotated[Path | None, Parameter(help="A Python file that implements the Partner socket.")] = None,
+    people: Annotated[
+        list[str],
+        Parameter(
+            name="--people",
+            consume_multiple=True,
+            help="usual, tuning, judging, all, or kinds (comanip people): --partners of each, judged by vibration and time, too.",
+        ),
+    ] = [],
     misbehaving: Annotated[
         float, Parameter(help="Share of partners who hesitate, reverse, block, let go or change role: safe behaviour counts.")
     ] = 0.2,
@@ -220,7 +228,22 @@ def trial(
     from . import trying as command
 
     with backend(where.backend, address=where.address):
-        command.trial(role, partners, seed, plant, law, skill, partners_from, misbehaving, pictures, workers, json)
+        command.trial(role, partners, seed, plant, law, skill, partners_from, people, misbehaving, pictures, workers, json)
+
+
+@app.command
+def people(
+    name: Annotated[str | None, Parameter(help="A kind to play against a rail; none lists them all.")] = None,
+    /,
+    *,
+    seed: int = 7,
+    plot: Annotated[Path | None, Parameter(help="Draw its force and motion into this .png, .svg or .pdf.")] = None,
+    json: Json = False,
+) -> None:
+    """List the kinds of people that robots are tried with, or play one: comanip people tremor --plot tremor.png"""
+    from . import people as command
+
+    command.people(name, seed, plot, json)
 
 
 @app.command

@@ -30,6 +30,7 @@ def trial(
     laws: Sequence[str],
     files: Sequence[Path],
     partners_from: Path | None,
+    people: Sequence[str],
     misbehaving: float,
     pictures: Path | None,
     workers: int,
@@ -41,18 +42,25 @@ def trial(
         raise ParameterError(f"--misbehaving is a share of the partners, 0 to 1; got {misbehaving}")
     if partners < 1:
         raise ParameterError(f"--partners must be at least 1; got {partners}")
-    skills = _skills(roles, laws, files)
-    people = PartnersFrom(str(partners_from)) if partners_from is not None else partner_of
+    if people:
+        from . import people as of_kinds
+
+        if given := [flag for flag, value in (("--partners-from", partners_from), ("--pictures", pictures)) if value is not None]:
+            raise ParameterError(f"{given[0]} does not go with --people; leave one of them out")
+        of_kinds.trial(roles, people, partners, seed, plant, laws, files, misbehaving, workers, json)
+        return
+    skills = skills_for(roles, laws, files)
+    makes = PartnersFrom(str(partners_from)) if partners_from is not None else partner_of
     results: dict[str, dict[str, Any]] = {}
     for role in roles:
         rng = np.random.default_rng([seed, ROLES.index(role)])
         cases = [draw_case(role, rng, misbehaving=misbehaving) for _ in range(partners)]
         for law in laws:
             with progress(f"{role}, {law}") as report:
-                verdicts = run_cases(cases, skills, law, plant=plant, workers=workers, partner=people, progress=report)
+                verdicts = run_cases(cases, skills, law, plant=plant, workers=workers, partner=makes, progress=report)
             results.setdefault(role, {})[law] = summary(verdicts, cases)
             if pictures is not None:
-                results[role][law]["pictures"] = _draw_worst(cases, verdicts, skills, law, plant, people, pictures)
+                results[role][law]["pictures"] = _draw_worst(cases, verdicts, skills, law, plant, makes, pictures)
     if json:
         print_json(results)
         return
@@ -60,7 +68,7 @@ def trial(
         _print(role, by_law, partners, seed, plant)
 
 
-def _skills(roles: Sequence[str], laws: Sequence[str], files: Sequence[Path]) -> dict[str, LearnedSkill]:
+def skills_for(roles: Sequence[str], laws: Sequence[str], files: Sequence[Path]) -> dict[str, LearnedSkill]:
     """Skills by role: from files, or learned now from five fresh lessons."""
     skills: dict[str, LearnedSkill] = {}
     for file in files:

@@ -28,7 +28,7 @@ from ..people.plans import lasting
 from ..people.robot import Gripper, RobotPartner
 from ..recording import Recording
 from ..signals.filters import smooth
-from .cases import HAND_KG, Case, draw_case
+from .cases import HAND_KG, ROLES, Case, draw_case, partner_of
 from .contestants import contestant
 from .judging import FORCE_CUTOFF_HZ, Bounds, Verdict, bounds, judge, success_interval
 from .running import EXPECTED_DELAY_S, START_M, run_case
@@ -37,6 +37,7 @@ VIBRATION_N = 0.8  # rms above 2.5 Hz, in motion
 IN_TIME_S = 1.5  # after a leading partner has come to the end
 LED_S = 6.0  # longest motion of somebody who is led
 AXES = ("z",)
+USUAL = "usual"  # the people of `draw_case`, without an arm of their own, some of whom misbehave
 
 
 @dataclass(frozen=True)
@@ -67,25 +68,26 @@ class PersonCase(Case):
             return self.event_s + 0.8 if self.behaviour == "changes role" else self.course.stop_s
         return 0.0
 
-    @property
-    def within(self) -> Bounds:
-        """The criteria, those of the kind in place of the usual ones."""
-        usual, criteria = bounds(self), kind_of(self.kind).criteria
-        known = {f.name for f in fields(Bounds)}
-        own: dict[str, Any] = {
-            name: value for name, value in criteria.items() if name in known and (name != "end_m" or usual.goal != "taught")
-        }
-        return replace(usual, **own)
 
-    @property
-    def vibration_n(self) -> float:
-        return kind_of(self.kind).criteria.get("vibration_n", VIBRATION_N)
+class Criteria(NamedTuple):
+    """Of one case: the judge's bounds, the most that the force may vibrate [N rms], and the longest motion in time [s]."""
 
-    @property
-    def time_s(self) -> float:
-        """Longest motion that counts as done in time [s]."""
-        usual = lasting(self.course) + IN_TIME_S if self.leads else LED_S
-        return inf if self.behaviour != "steady" else kind_of(self.kind).criteria.get("time_s", usual)
+    within: Bounds
+    vibration_n: float
+    time_s: float
+
+
+def criteria_of(case: Case) -> Criteria:
+    """Those of the kind in place of the usual ones."""
+    usual, own = bounds(case), dict(kind_of(case.kind).criteria) if isinstance(case, PersonCase) else {}
+    steady = case.behaviour == "steady"
+    lasts = (sum(duration for _, duration, _ in case.legs) + IN_TIME_S) if case.leads else LED_S
+    vibrates = own.pop("vibration_n", VIBRATION_N if steady else inf)
+    in_time = own.pop("time_s", lasts) if steady else inf
+    if usual.goal == "taught":
+        own.pop("end_m", None)  # where the task ends is not the partner's
+    changed: dict[str, Any] = own
+    return Criteria(replace(usual, **changed), vibrates, in_time)
 
 
 class Met(NamedTuple):
@@ -101,14 +103,20 @@ class Met(NamedTuple):
         return not self.failures
 
 
-def draw_people(role: str, kind: str, n: int, seed: int) -> list[PersonCase]:
-    """`n` partners of `kind` for a robot in `role`, the same draws for each kind; none where it cannot play the other role."""
+def draw_people(role: str, kind: str, n: int, seed: int, *, misbehaving: float = 0.0) -> list[Case]:
+    """`n` partners of `kind` for a robot in `role`, the same draws for each kind; none where it cannot play the other role.
+
+    misbehaving   share of those of the kind "usual" who misbehave; the others have habits of their own
+    """
+    if kind == USUAL:
+        rng = np.random.default_rng([seed, ROLES.index(role)])
+        return [draw_case(role, rng, misbehaving=misbehaving) for _ in range(n)]
     part = kind_of(kind)
     plays = {"follower": (LEADING,), "leader": (FOLLOWING,)}.get(role, (LEADING, FOLLOWING))
     if not set(plays) & set(part.roles):
         return []
-    rng = np.random.default_rng([seed, len(role)])
-    found: list[PersonCase] = []
+    rng = np.random.default_rng([seed, ROLES.index(role)])
+    found: list[Case] = []
     while len(found) < n:
         case = draw_case(role, rng)
         if case.partner in part.roles:
@@ -157,23 +165,28 @@ def _robot(case: PersonCase, rng: np.random.Generator, learned: Mapping[str, Lea
 
 
 def meet(
-    case: PersonCase, learned: Mapping[str, LearnedSkill], law: str, plant: str = "beam", dt: float = 0.01
+    case: Case, learned: Mapping[str, LearnedSkill], law: str, plant: str = "beam", dt: float = 0.01
 ) -> tuple[Recording, Met]:
     """The recording of one partner, and what came of it."""
     skill = contestant(law, case.role, learned, dt=dt)
 
     def partner(_: Case, rng: np.random.Generator) -> Partner:
-        return person_of(case, rng, learned, dt)
+        return person_of(case, rng, learned, dt) if isinstance(case, PersonCase) else partner_of(case, rng)
 
     with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
-        recording = run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law, "kind": case.kind})
+        recording = run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law, "kind": kind_name(case)})
         ends = learned["leader" if "leader" in learned else case.role].ends
         return recording, judged(case, recording, taught_ends_m=ends)
 
 
-def judged(case: PersonCase, recording: Recording, *, taught_ends_m: Array | None = None) -> Met:
+def kind_name(case: Case) -> str:
+    return case.kind if isinstance(case, PersonCase) else USUAL
+
+
+def judged(case: Case, recording: Recording, *, taught_ends_m: Array | None = None) -> Met:
     """The verdict by the kind's criteria, with vibration and time."""
-    verdict = judge(case, recording, taught_ends_m=taught_ends_m, within=case.within)
+    criteria = criteria_of(case)
+    verdict = judge(case, recording, taught_ends_m=taught_ends_m, within=criteria.within)
     if verdict.failures == ("diverged",):
         return Met(verdict, verdict.failures, inf, inf)
     hand = recording["hand.position"]
@@ -181,7 +194,9 @@ def judged(case: PersonCase, recording: Recording, *, taught_ends_m: Array | Non
     force = smooth(recording["hand.true_force"].values, dt, FORCE_CUTOFF_HZ)[:, 0]
     shakes, took = vibration(force, dt, _moving(x)), max(verdict.duration_s, 0.0)
     more = [
-        text for value, most, text in ((shakes, case.vibration_n, "vibration"), (took, case.time_s, "too slow")) if value > most
+        text
+        for value, most, text in ((shakes, criteria.vibration_n, "vibration"), (took, criteria.time_s, "too slow"))
+        if value > most
     ]
     return Met(verdict, (*verdict.failures, *more), shakes, took)
 
@@ -201,7 +216,7 @@ def _met(*work: Any) -> Met:
 
 
 def meet_all(
-    cases: Sequence[PersonCase],
+    cases: Sequence[Case],
     learned: Mapping[str, LearnedSkill],
     law: str,
     *,
@@ -219,11 +234,11 @@ def meet_all(
     return found
 
 
-def summary(cases: Sequence[PersonCase], met: Sequence[Met]) -> dict[str, Any]:
+def summary(cases: Sequence[Case], met: Sequence[Met]) -> dict[str, Any]:
     """Over all partners, and under "kinds" over those of each: success with its 95 % interval, medians, reasons of failures."""
     by: dict[str, list[Met]] = {}
     for case, one in zip(cases, met, strict=True):
-        by.setdefault(case.kind, []).append(one)
+        by.setdefault(kind_name(case), []).append(one)
     return {**_row(met), "kinds": {kind: _row(some) for kind, some in by.items()}}
 
 
