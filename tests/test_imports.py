@@ -38,8 +38,9 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
     "reproduction": {*BASE, "learned", "models", "skills", "safety"},
     "people": BASE,
     "devices": BASE,
-    "plants": {*BASE, "people"},
-    "teaching": {*BASE, "devices", "interaction", "loop", "people", "plants", "skills"},
+    "plants": {*BASE, "interaction", "people"},
+    "tasks": {*BASE, "people"},
+    "teaching": {*BASE, "devices", "interaction", "loop", "people", "plants", "skills", "tasks"},
     "evaluation": {*BASE, "learned", "lessons", "loop", "models", "people", "plants", "skills"},
     "trials": {
         *BASE,
@@ -53,6 +54,7 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
         "reproduction",
         "safety",
         "skills",
+        "tasks",
     },
     "web": {*BASE, "trials"},
 }

@@ -26,10 +26,12 @@ class PartnersFrom:
     """Makes partners as a file tells, one after the other if it holds several classes. Pickles by its path.
 
     A function `partner(case, rng)` gets the draw (`trials.Case`) and a Generator. A class is made with those of the arguments
-    `case` and `rng` that its constructor names. In both, case.carried_n is the weight that a partner carries.
+    `case` and `rng` that its constructor names. In both, case.axes are the task's axes, and case.carried (d,) is the weight that a
+    partner carries along each (case.carried_n where there is one, upright).
 
-    A partner is judged by the draw: he wants to be `partners_goal(case)` above the start, begins at case.onset_s and stops at
-    case.stop_s. One who has other plans says so by his attributes goal_m [m above the start], onset_s and stop_s [s].
+    A partner is judged by the draw: the goal is `partners_goal(case)` from the start, the motion begins at case.onset_s and stops
+    at case.stop_s. One who has other plans says so by the attributes goal_m [m from the start; (d,) in d axes], onset_s and stop_s
+    [s].
     """
 
     path: str
@@ -41,8 +43,12 @@ class PartnersFrom:
         if not isinstance(person, Partner):
             raise ParameterError(f"{self.path}: {maker.__name__} gives {type(person).__name__}, which lacks reset or force")
         for name, value in stated_by(person).items():
+            if name == "goal_m" and _is_place(value, len(case.axes)):
+                continue
             if not (isinstance(value, (int, float)) and isfinite(value)):
                 raise ParameterError(f"{self.path}: {maker.__name__}.{name} must be a finite number; got {value!r}")
+            if name == "goal_m" and len(case.axes) > 1:
+                raise ParameterError(f"{self.path}: {maker.__name__}.goal_m must be {len(case.axes)} numbers; got {value!r}")
         return person
 
     def _makers(self) -> list[Any]:
@@ -61,7 +67,17 @@ class PartnersFrom:
 
 def stated_by(person: Partner) -> dict[str, Any]:
     """What the partner says of himself, of STATED."""
-    return {name: getattr(person, name) for name in STATED if getattr(person, name, None) is not None}
+    said = {name: getattr(person, name) for name in STATED if getattr(person, name, None) is not None}
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in said.items()}
+
+
+def _is_place(value: Any, n_axes: int) -> bool:
+    """Whether it is (d,) finite numbers."""
+    try:
+        place = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return False
+    return place.shape == (n_axes,) and bool(np.isfinite(place).all())
 
 
 def _wanted(maker: Any, offered: dict[str, Any]) -> dict[str, Any]:

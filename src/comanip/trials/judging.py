@@ -1,34 +1,41 @@
-"""What happened in a run, in numbers, and whether it was good: the criteria, stated once."""
+"""What happened in a run, in numbers, and whether it was good: the criteria, stated once, of vectors in d axes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, nan, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..evaluation.metrics import effort, effort_share, internal_force, log_dimensionless_jerk, work
+from ..evaluation.metrics import effort, effort_share, internal_force, log_dimensionless_jerk, vibration, widest, work
 from ..interfaces import STANDARD_GRAVITY, Array
 from ..recording import Recording
 from ..safety.envelope import Limits
 from ..signals.filters import smooth
+from ..tasks import usual, way
 from .cases import AUTO_PATIENCE_S, Case
+from .following import Followed, followed
 
 FORCE_CUTOFF_HZ = 15.0  # what a hand can feel, and what the skill's force estimator passes
 NOTICED_S = 0.5  # within which letting go must have been noticed
 ROLE_WITHIN_S = 0.3  # after 1 cm of motion the role must be known
+MOVED_M = 0.01  # from here on the hand has moved
+MOVING_M_PER_S = 0.02  # faster than this, the hand is in motion
+MISBEHAVING_N = 10.0  # so much more force is borne with who misbehaves
+OWN_WAY_M = 0.015  # so much nearer to an obstacle than a leading partner means to go, the hand may be pulled
 
 
 class Verdict(NamedTuple):
-    """What happened, in numbers, and why it failed (empty: it did not)."""
+    """What happened, in numbers, and why it failed (empty: it did not). Of vectors: their lengths."""
 
     failures: tuple[str, ...]
     effort_n2s: float  # the partner's: integral of F^2
     work_j: float  # done by the partner on the hand
     peak_force_n: float
     residual_force_n: float
-    end_error_m: float  # from the goal that counts for this partner; NaN where none does
+    end_error_m: float  # distance from the goal that counts for this partner; NaN where none does
     tilt_deg: float
     ripple_m_per_s: float
     smoothness: float  # log dimensionless jerk, higher is smoother
@@ -36,6 +43,12 @@ class Verdict(NamedTuple):
     internal_force_n: float  # mean force that the two exert against each other and that moves nothing
     effort_share: float  # of the robot, 0 to 1
     role_right: float  # 1: the role was known in time, 0: it was not, NaN: nobody asked
+    vibration_n: float = nan  # rms of the force above 2.5 Hz while the hand moves
+    clearance_m: float = inf  # smallest distance to an obstacle, negative inside; inf without one
+    visited: float = 1.0  # share of the places on the way that the hand was at, in order
+    cycles: float = nan  # strokes or turns done; NaN for a task that is done once
+    rest_error_s: float = 0.0  # by how much a rest on the way was longer or shorter than meant
+    slowness: float = nan  # duration over what was meant: the leading partner's, or the usual one
 
     @property
     def success(self) -> bool:
@@ -49,7 +62,7 @@ DIVERGED = Verdict(("diverged",), *[inf] * 8, nan, inf, nan, 0.0)  # type: ignor
 class Bounds:
     """What counts as success with one partner. A bound of infinity is not asked for.
 
-    goal       "partner's": ends within `end_m` of where he wants to be; "taught": within `end_m` of the range of taught ends;
+    goal       "partner's": ends within `end_m` of where the partner wants to be; "taught": within `end_m` of where lessons ended;
                "": nowhere in particular
     """
 
@@ -65,147 +78,205 @@ class Bounds:
 
 
 def bounds(case: Case) -> Bounds:
-    """The criteria for a case.
+    """The criteria for a case; the numbers of a task are its own (`Task.success`), here in brackets those of "lift".
 
-    Robot told to follow: the partner's goal within 3 cm, no start before he does. Told to lead: starts within 2 s, a taught
-    height within 2 cm. Told nothing: the one or the other by what the partner does; at rest nothing tells a late leader from a
+    Robot told to follow: the partner's goal within [3 cm], no start before the partner's. Told to lead: starts within 2 s, a taught
+    end within [2 cm]. Told nothing: the one or the other by what the partner does; at rest nothing tells a late leader from a
     follower, so where the partner follows its 2 s begin when its stated patience is over (6.5 s, the latest onset in the draw).
-    Hesitating partners: the same, with a peak force of 25 N, as for all who misbehave but walls, and
+    Hesitating partners: the same, with a peak force 10 N higher, as for all who misbehave but walls, and
 
-    reverses       ends with the partner, wherever he turns to
-    changes role   leading partner who stops and follows: rests where he stopped (told nothing: finishes the task as taught);
-                   following partner who takes the lead: ends where he wants to be
+    reverses       ends with the partner, wherever that is
+    changes role   leading partner who stops and follows: rests where that was (told nothing: finishes the task as taught);
+                   following partner who takes the lead: ends where this partner wants to be
     blocks         the impact stays below the envelope's force limit (60 N), and it does not press on
     lets go        noticed (COMPLY or HOLD) within 0.5 s, holds the object where it is
     """
+    own = case.task.success
+    held = {"residual_n": own.residual_n, "ripple_m_per_s": own.ripple_m_per_s, "tilt_deg": own.tilt_deg}
     if case.behaviour == "lets go":
-        return Bounds(peak_n=inf, residual_n=inf, notices=True)
+        return Bounds(peak_n=inf, notices=True, **{**held, "residual_n": inf})
     if case.behaviour == "blocks":
-        return Bounds(peak_n=Limits().force_limit_n)
-    waits = case.leads
-    starts = inf if case.leads else 2.0 + (AUTO_PATIENCE_S if case.role == "auto" else 0.0)
+        return Bounds(peak_n=Limits().force_limit_n, **held)
     taught = not case.leads
     if case.behaviour == "changes role":
         taught = case.leads and case.role == "auto"
     if case.behaviour == "reverses":
         taught = False
-    peak = 15.0 if case.behaviour == "steady" else 25.0
-    goal = "taught" if taught else "partner's"
-    return Bounds(goal=goal, end_m=0.02 if taught else 0.03, peak_n=peak, starts_by_s=starts, waits=waits)
+    return Bounds(
+        goal="taught" if taught else "partner's",
+        end_m=own.taught_goal_m if taught else own.goal_m,
+        peak_n=own.peak_n if case.behaviour == "steady" else own.peak_n + MISBEHAVING_N,
+        starts_by_s=inf if case.leads else 2.0 + (AUTO_PATIENCE_S if case.role == "auto" else 0.0),
+        waits=case.leads,
+        **held,
+    )
 
 
-def partners_goal(case: Case) -> float:
-    """Where the partner wants to be in the end, above the start [m]."""
+def partners_goal(case: Case) -> Array:
+    """Where the partner wants to be in the end, (d,) from the start [m]."""
     if case.leads:
-        return sum(far for _, _, far in case.legs)
-    return 0.0 if case.behaviour == "reverses" else case.lift_m
+        return case.course.end
+    return np.zeros(len(case.axes)) if case.behaviour == "reverses" else case.way.course.end
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A recording as the judge reads it: times (T,) from 0, place from the start and velocity (T, d), force (T, d) as felt."""
+
+    t: Array
+    x: Array
+    v: Array
+    force: Array
+
+    @property
+    def dt(self) -> float:
+        return float(self.t[1] - self.t[0])
+
+    @property
+    def moved(self) -> Array:
+        """Ticks in which the hand is more than 1 cm from the start."""
+        return np.flatnonzero(_length(self.x) > MOVED_M)
+
+    @property
+    def came_to_rest_s(self) -> float:
+        moving = np.flatnonzero(_length(self.x - self.x[-1]) > MOVED_M)
+        return float(self.t[moving[-1]]) if len(moving) else 0.0
+
+    @property
+    def duration_s(self) -> float:
+        gone = np.flatnonzero(_length(self.x - self.x[0]) > MOVED_M)
+        return self.came_to_rest_s - float(self.t[gone[0]]) if len(gone) else 0.0
+
+
+def _length(vectors: Array) -> Array:
+    """(T,) of (T, d). Of one axis exactly the absolute value."""
+    return np.abs(vectors[:, 0]) if vectors.shape[1] == 1 else np.sqrt((vectors**2).sum(axis=1))
 
 
 def judge(
     case: Case,
     recording: Recording,
     *,
-    start_m: float = 0.85,
+    start_m: float | Sequence[float] | Array | None = None,
     taught_ends_m: Array | None = None,
+    lessons_clearance_m: float | None = None,
     within: Bounds | None = None,
 ) -> Verdict:
     """The verdict on one run. F is the plant's truth, low-passed at 15 Hz like everything a hand can feel.
 
-    taught_ends_m   (lessons, 1) heights at which the lessons ended; a leader's goal
-    within          other criteria than `bounds(case)`
+    start_m              (d,) where the hand started; default: where the case says
+    taught_ends_m        (lessons, d) where the lessons ended; a leader's goal
+    lessons_clearance_m  smallest distance to an obstacle in any lesson; None: not known, and only being inside one counts
+    within               other criteria than `bounds(case)`
 
-    What the partner stated of himself (recording.metadata["stated"]: goal_m, onset_s, stop_s) counts before the draw.
+    What the partner stated (recording.metadata["stated"]: goal_m, onset_s, stop_s) counts before the draw.
     """
+    case = case.starting(start_m)
     stated = {
         "goal_m": partners_goal(case),
         "onset_s": case.onset_s,
         "stop_s": case.stop_s,
         **recording.metadata.get("stated", {}),
     }
-    hand = recording["hand.position"]
-    t, x, v = hand.time - hand.time[0], hand.values[:, 0], recording["hand.velocity"].values[:, 0]
-    dt = float(t[1] - t[0])
-    true = recording["hand.true_force"].values
-    if not (np.isfinite(true).all() and np.isfinite(x).all() and np.abs(true).max() < 1e9):
+    hand, true = recording["hand.position"], recording["hand.true_force"].values
+    if not (np.isfinite(true).all() and np.isfinite(hand.values).all() and np.abs(true).max() < 1e9):
         return DIVERGED
-    force = smooth(true, dt, FORCE_CUTOFF_HZ)[:, 0]
+    t = hand.time - hand.time[0]
+    force = smooth(true, float(t[1] - t[0]), FORCE_CUTOFF_HZ)
+    run = _Run(t, hand.values - case.start_m, recording["hand.velocity"].values, force)
     bound = within or bounds(case)
-    stop = _came_to_rest(t, x) if bound.goal == "taught" else stated["stop_s"]  # who leads says when it is over
-    late = t >= min(stop + 1.5, t[-1] - 0.3)
-    last = t > t[-1] - 0.5
-    mine, his = _beyond_the_load(case, recording)
+    stop = run.came_to_rest_s if bound.goal == "taught" else stated["stop_s"]  # who leads says when it is over
+    late, last = t >= min(stop + 1.5, t[-1] - 0.3), t > t[-1] - 0.5
+    mine, theirs = _beyond_the_load(case, recording)
+    along = followed(case, run.t, run.x, run.v)
     verdict = Verdict(
         failures=(),
-        effort_n2s=effort(force, dt),
-        work_j=work(force, v, dt),
-        peak_force_n=float(np.abs(force).max()),
-        residual_force_n=float(np.abs(force[late]).max()),
-        end_error_m=_end_error(case, bound, stated["goal_m"], float(x[-1]), start_m, taught_ends_m),
-        tilt_deg=float(np.degrees(np.abs(recording["beam.tilt"].values).max())),
-        ripple_m_per_s=float(np.ptp(v[last]) / 2.0),
-        smoothness=log_dimensionless_jerk(v, dt),
-        duration_s=_duration(t, x),
-        internal_force_n=float(np.abs(internal_force(mine, his)).mean()),
-        effort_share=effort_share(mine, his),
-        role_right=_role_right(case, recording, t, x, start_m),
+        effort_n2s=effort(force, run.dt),
+        work_j=work(force, run.v, run.dt),
+        peak_force_n=float(_length(force).max()),
+        residual_force_n=float(_length(force[late]).max()),
+        end_error_m=_end_error(case, bound, stated["goal_m"], run.x[-1], taught_ends_m),
+        tilt_deg=float(np.degrees(_length(recording["beam.tilt"].values).max())),
+        ripple_m_per_s=widest(run.v[last]) / 2.0,
+        smoothness=log_dimensionless_jerk(run.v, run.dt),
+        duration_s=run.duration_s,
+        internal_force_n=float(_length(internal_force(mine, theirs)).mean()),
+        effort_share=effort_share(mine, theirs),
+        role_right=_role_right(case, recording, run),
+        vibration_n=vibration(force, run.dt, _length(run.v) > MOVING_M_PER_S),
+        clearance_m=along.clearance_m,
+        visited=along.visited,
+        cycles=along.cycles,
+        rest_error_s=along.rest_error_s,
+        slowness=run.duration_s / along.meant_s,
     )
-    return verdict._replace(failures=_failures(case, bound, stated["onset_s"], verdict, recording, t, x, start_m))
-
-
-def _came_to_rest(t: Array, x: Array) -> float:
-    still_moving = np.flatnonzero(np.abs(x - x[-1]) > 0.01)
-    return float(t[still_moving[-1]]) if len(still_moving) else 0.0
-
-
-def _duration(t: Array, x: Array) -> float:
-    gone = np.flatnonzero(np.abs(x - x[0]) > 0.01)
-    return _came_to_rest(t, x) - float(t[gone[0]]) if len(gone) else 0.0
+    failures = _failures(case, bound, stated["onset_s"], verdict, recording, run)
+    failures += _off_the_way(case, verdict, along, lessons_clearance_m)
+    return verdict._replace(failures=failures)
 
 
 def _beyond_the_load(case: Case, recording: Recording) -> tuple[Array, Array]:
-    """Forces of the robot's and of the partner's hand on the object (T,) [N], each without its share of the weight."""
-    half = 0.5 * case.beam_mass_kg * STANDARD_GRAVITY
-    true = recording["hand.true_force"].values[:, 0]
-    his = recording["partner.force"].values[:, 0] - half
-    acceleration = recording["hand.acceleration"].values[:, 0]
-    return 0.5 * case.beam_mass_kg * acceleration - true, his
+    """Forces of the robot's and of the partner's hand on the object (T, d) [N], each without its share of the weight."""
+    half = 0.5 * case.beam_mass_kg
+    true = recording["hand.true_force"].values
+    weight = half * np.array([axis.up for axis in case.task.axes_]) * STANDARD_GRAVITY
+    return half * recording["hand.acceleration"].values - true, recording["partner.force"].values - weight
 
 
-def _end_error(case: Case, bound: Bounds, goal_m: float, end: float, start_m: float, taught_ends_m: Array | None) -> float:
+def _end_error(case: Case, bound: Bounds, goal_m: Any, end: Array, taught_ends_m: Array | None) -> float:
+    """`end`, (d,) from the start."""
     if bound.goal == "partner's":
-        return end - start_m - goal_m
-    if bound.goal == "taught":
-        ends = np.array([start_m + case.lift_m]) if taught_ends_m is None else np.asarray(taught_ends_m)
-        return end - float(np.clip(end, ends.min(), ends.max()))
-    return nan
+        return float(_length((end - np.atleast_1d(goal_m))[None])[0])
+    if bound.goal != "taught":
+        return nan
+    if taught_ends_m is None:
+        return float(_length((end - case.way.course.end)[None])[0])
+    ends = np.asarray(taught_ends_m, dtype=float)
+    return min(_from_segments(end + case.start_m, some) for some in _by_goal(case, ends))
 
 
-def _role_right(case: Case, recording: Recording, t: Array, x: Array, start_m: float) -> float:
+def _by_goal(case: Case, ends: Array) -> list[Array]:
+    """Ends of lessons (n, d) apart by the goal that they are nearest to: between two goals nobody was taught to stop."""
+    if len(case.task.goals) < 2:
+        return [ends]
+    aims = np.array([case.task.start + way(case.task, usual(case.task, goal)).course.end for goal in case.task.goals])
+    nearest = ((ends[:, None] - aims) ** 2).sum(axis=2).argmin(axis=1)
+    return [ends[nearest == n] for n in range(len(aims)) if (nearest == n).any()]
+
+
+def _from_segments(point: Array, ends: Array) -> float:
+    """Distance of a point (d,) from the nearest straight line between two of `ends` (n, d): on one axis, from their range."""
+    if len(point) == 1:
+        return float(abs(point[0] - np.clip(point[0], ends.min(), ends.max())))
+    one, other = np.triu_indices(len(ends))
+    base, along = ends[one], ends[other] - ends[one]
+    share = ((point - base) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12)
+    return float(_length(point - base - np.clip(share, 0.0, 1.0)[:, None] * along).min())
+
+
+def _role_right(case: Case, recording: Recording, run: _Run) -> float:
     """Whether the skill's opinion, 0.3 s after 1 cm of motion, is what the robot is: the leader or the follower."""
     if "skill.role" not in recording.channels:
         return nan
-    moved = np.flatnonzero(np.abs(x - start_m) > 0.01)
-    if not len(moved):
+    if not len(run.moved):
         return 0.0
     opinion = recording["skill.role"].values[
-        np.searchsorted(t, t[moved[0]] + ROLE_WITHIN_S - 1e-9, side="left").clip(max=len(t) - 1)
+        np.searchsorted(run.t, run.t[run.moved[0]] + ROLE_WITHIN_S - 1e-9, side="left").clip(max=len(run.t) - 1)
     ]
     return float(int(opinion.argmax()) == (1 if case.leads else 0))
 
 
-def _failures(
-    case: Case, bound: Bounds, onset_s: float, verdict: Verdict, recording: Recording, t: Array, x: Array, start_m: float
-) -> tuple[str, ...]:
+def _failures(case: Case, bound: Bounds, onset_s: float, verdict: Verdict, recording: Recording, run: _Run) -> tuple[str, ...]:
     failures = []
-    moved = np.flatnonzero(np.abs(x - start_m) > 0.01)
-    if bound.waits and (t[moved] < onset_s).any():
+    moved = run.moved
+    if bound.waits and (run.t[moved] < onset_s).any():
         failures.append("moved before the partner")
-    if bound.starts_by_s < inf and (not len(moved) or t[moved[0]] > bound.starts_by_s):
+    if bound.starts_by_s < inf and (not len(moved) or run.t[moved[0]] > bound.starts_by_s):
         failures.append("did not start in time")
     if abs(verdict.end_error_m) > bound.end_m:
-        failures.append("missed the taught height" if bound.goal == "taught" else "missed the partner's goal")
+        failures.append(f"missed the taught {case.task.end_is}" if bound.goal == "taught" else "missed the partner's goal")
     if bound.notices:
-        failures.extend(_unnoticed(case, recording, t, x))
+        failures.extend(_unnoticed(case, recording, run))
     checks = (
         (verdict.residual_force_n, bound.residual_n, "residual force"),
         (verdict.peak_force_n, bound.peak_n, "peak force"),
@@ -216,12 +287,34 @@ def _failures(
     return tuple(failures)
 
 
-def _unnoticed(case: Case, recording: Recording, t: Array, x: Array) -> list[str]:
-    after = t >= case.event_s + NOTICED_S
+def _off_the_way(case: Case, verdict: Verdict, along: Followed, lessons_clearance_m: float | None) -> tuple[str, ...]:
+    """What went wrong between start and end: an obstacle comes first with everybody, the rest is asked of steady partners."""
+    failures, own = [], case.task.success
+    least = 0.0 if lessons_clearance_m is None else lessons_clearance_m
+    if case.leads:  # a partner who leads past closer is followed
+        least = min(least, along.partner_clearance_m - OWN_WAY_M)
+    if verdict.clearance_m <= 0.0:
+        failures.append("hit an obstacle")
+    elif case.behaviour == "steady" and verdict.clearance_m < least:
+        failures.append("nearer to an obstacle than any lesson")
+    if case.behaviour != "steady":
+        return tuple(failures)
+    if verdict.cycles == verdict.cycles and abs(verdict.cycles - case.task.cycles) > 0.5:
+        failures.append("other number of cycles")
+    elif verdict.visited < 1.0:
+        failures.append("left out a place on the way")
+    if verdict.rest_error_s > own.rest_s:
+        failures.append("rest not kept")
+    checks = ((verdict.vibration_n, own.vibration_n, "vibration"), (verdict.slowness, own.slowest, "too slow"))
+    return tuple(failures) + tuple(text for value, most, text in checks if value > most)
+
+
+def _unnoticed(case: Case, recording: Recording, run: _Run) -> list[str]:
+    after = run.t >= case.event_s + NOTICED_S
     if not after.any():
         return ["the run ended before the partner let go"]
-    noticed = "skill.mode" in recording.channels and recording["skill.mode"].values[after][0, 0] > 0
-    went_on = np.abs(x[t >= case.event_s] - x[np.searchsorted(t, case.event_s)]).max() > 0.05
+    noticed = "skill.mode" in recording.channels and recording["skill.mode"].values[after][0].max() > 0
+    went_on = _length(run.x[run.t >= case.event_s] - run.x[np.searchsorted(run.t, case.event_s)]).max() > 0.05
     return [*([] if noticed else ["letting go not noticed"]), *(["went on alone"] if went_on else [])]
 
 

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from ..errors import ParameterError
-from ..interaction import TaringInteractionForce, gravity_along
-from ..interfaces import Partner, Plant, Skill, Tap
+from ..interaction import TaringInteractionForce
+from ..interfaces import Array, Partner, Plant, Skill, Tap
 from ..learned.skill import LearnedSkill
 from ..loop import Clock, run
 from ..parallel import each
 from ..plants.beam import Beam, BeamPlant, WristSensor
 from ..recording import Recording
-from .cases import Case, partner_of
+from ..tasks import named
+from .cases import TASK, Case, partner_of
 from .contestants import contestant
 from .foreign import stated_by
 from .judging import FORCE_CUTOFF_HZ, Verdict, judge
 
-START_M = 0.85
+START_M = float(named(TASK).start[0])  # of the hand in the usual task
 EXPECTED_DELAY_S = 0.010  # of the force sensor behind the velocity: 0 to 20 ms in the draw, and the robot knows no better
 PLANTS = ("beam", "humanoid")
 MakePartner = Callable[[Case, np.random.Generator], Partner]
@@ -33,7 +33,7 @@ def run_case(
     *,
     plant: str = "beam",
     dt: float = 0.01,
-    start_m: float = START_M,
+    start_m: float | Sequence[float] | Array | None = None,
     clock: Clock | None = None,
     taps: Sequence[Tap] = (),
     metadata: Mapping[str, Any] | None = None,
@@ -42,28 +42,38 @@ def run_case(
     """The skill with this partner, from rest until some seconds after the partner means to stop (`Case.run_s`).
 
     plant     "beam" (exact, fast) or "humanoid" (MuJoCo)
+    start_m   (d,) where the hand starts; default: where the case says
     partner   makes the person from the case; default: the human models of `people.partners`
     """
+    case.task.runnable()
+    case = case.starting(start_m)
     rng = np.random.default_rng(case.seed)
     person = partner(case, rng)
-    world = _plant(plant, person, case, dt, start_m, rng)
+    world = _plant(plant, person, case, dt, rng)
     estimator = TaringInteractionForce(
-        dt, gravity=gravity_along(world.axes).tolist(), cutoff_hz=FORCE_CUTOFF_HZ, force_delay_s=EXPECTED_DELAY_S
+        dt,
+        gravity=case.task.gravity.tolist(),
+        mass_kg=case.task.carried.mass_kg,
+        load_share=case.task.carried.share,
+        cutoff_hz=FORCE_CUTOFF_HZ,
+        force_delay_s=EXPECTED_DELAY_S,
     )
-    about = {"role": case.role, "partner": asdict(case), "load_mass_kg": case.beam_mass_kg, "plant": plant, **(metadata or {})}
+    about = {"role": case.role, "task": case.task.name, "partner": case.about(), "load_mass_kg": case.beam_mass_kg, "plant": plant, **(metadata or {})}
     about |= {"stated": stated} if (stated := stated_by(person)) else {}
     return run(world, skill, duration_s=case.run_s, estimator=estimator, clock=clock, taps=taps, metadata=about)
 
 
-def _plant(name: str, person: Partner, case: Case, dt: float, start_m: float, rng: np.random.Generator) -> Plant:
+def _plant(name: str, person: Partner, case: Case, dt: float, rng: np.random.Generator) -> Plant:
     sensor = WristSensor(case.force_noise_n, case.force_bias_n, case.sensor_delay_s)
-    start = np.array([start_m])
+    about: dict[str, Any] = {"sensor": sensor, "axes": case.axes, "start_position": case.start_m, "dt": dt, "rng": rng}
+    what = case.task
     if name == "beam":
-        return BeamPlant(person, beam=Beam(mass_kg=case.beam_mass_kg), sensor=sensor, start_position=start, dt=dt, rng=rng)
+        beam = Beam(mass_kg=case.beam_mass_kg, length_m=what.carried.length_m)
+        return BeamPlant(person, beam=beam, axial=what.carried.along, gravity=what.gravity.tolist(), **about)
     if name == "humanoid":
         from ..plants.humanoid import HumanoidPlant
 
-        return HumanoidPlant(person, load_mass_kg=case.beam_mass_kg, sensor=sensor, start_position=start, dt=dt, rng=rng)
+        return HumanoidPlant(person, load_mass_kg=case.beam_mass_kg, length_m=what.carried.length_m, **about)
     raise ParameterError(f"plant {name!r} is unknown; plants are: {', '.join(PLANTS)}")
 
 
@@ -76,6 +86,7 @@ def run_cases(
     workers: int = 1,
     dt: float = 0.01,
     partner: MakePartner = partner_of,
+    clearance_m: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Verdict]:
     """One verdict a case, in order, by any number of processes (0: one a core): the same numbers for the same cases.
@@ -84,9 +95,10 @@ def run_cases(
 
     learned   skills by role; a case whose role is "auto" needs leader and follower
     law       one of `contestants.LAWS`
+    clearance_m   smallest distance to an obstacle in any lesson, where it is known
     """
     verdicts: list[Verdict] = []
-    work = [(case, learned, law, plant, dt, partner) for case in cases]
+    work = [(case, learned, law, plant, dt, partner, clearance_m) for case in cases]
     for verdict in each(one_verdict, work, n_jobs=workers or -1):
         verdicts.append(verdict)
         if progress is not None:
@@ -106,10 +118,11 @@ def one_run(
     plant: str = "beam",
     dt: float = 0.01,
     partner: MakePartner = partner_of,
+    clearance_m: float | None = None,
 ) -> tuple[Recording, Verdict]:
     """The recording of one case, and the verdict on it."""
     skill = contestant(law, case.role, learned, dt=dt)
     with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
         recording = run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law})
         ends = learned["leader" if "leader" in learned else case.role].ends
-        return recording, judge(case, recording, taught_ends_m=ends)
+        return recording, judge(case, recording, taught_ends_m=ends, lessons_clearance_m=clearance_m)
