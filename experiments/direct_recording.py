@@ -39,6 +39,7 @@ from comanip.people.partners import HumanFollower, HumanLeader, HumanSharing, Pl
 from comanip.plants.beam import Beam, WristSensor
 from comanip.recording import Recording
 from comanip.signals.second_order import second_order_step
+from comanip.tasks import named
 from comanip.teaching import SCENARIOS, Habits, teach
 
 RATE_HZ = 100.0
@@ -171,7 +172,7 @@ def record(
             wrist_nm_per_rad=wrist_nm_per_rad,
             sensor=WristSensor(),
             dt=0.001,
-            start_m=habits.start_m[0],
+            start_m=float(named("lift").start[0]),
             rng=rng,
         )
         metadata = {

@@ -1,8 +1,8 @@
-"""Lessons: a teacher moves the robot through a haptic handle while a partner holds the other end of the beam.
+"""Lessons of any task: a teacher moves the robot through a haptic handle while a partner holds the other end of the object.
 
 The paper's two sets (section II-A): robot as follower (teacher blind, partner leads) and robot as leader (teacher leads,
 partner blind). A third set is "natural": nobody is told a role, both know about how high and how fast, and each gives way to
-what he feels of the other. Each lesson draws its lift, duration, onset and the day's arms from stated distributions.
+what he feels of the other. Each lesson draws its size, duration, onset and the day's arms from stated distributions.
 """
 
 from __future__ import annotations
@@ -10,17 +10,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
-from typing import Protocol
+from inspect import signature
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
 from .devices.link import Link, Network
-from .devices.phantom import IDEAL, HeldHandle, phantom
+from .devices.phantom import IDEAL, Handle, HeldHandle, phantom
 from .errors import ParameterError
-from .interaction import gravity_along, interaction_force
-from .interfaces import STANDARD_GRAVITY, Array, HapticDevice, Partner, Plant
+from .interaction import interaction_force
+from .interfaces import Array, HapticDevice, Partner, Plant
 from .loop import run
-from .people.intent import Plan, Yielding
+from .people.intent import Course, Yielding
 from .people.partners import Arm, HumanFollower, HumanLeader, HumanSharing, dyad
 from .people.teacher import Teacher, TeacherHand
 from .plants.beam import Beam, BeamPlant, WristSensor
@@ -28,6 +30,7 @@ from .recording import Recording
 from .signals.filters import differentiate, smooth
 from .skills.passivity import Passive
 from .skills.teleoperation import CouplingLimits, Teleoperation
+from .tasks import Drawn, Spread, Task, draw_lesson, named, way
 
 ROLES = ("leader", "follower")
 SCENARIOS = (*ROLES, "natural")
@@ -37,16 +40,19 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True)
 class Habits:
-    """A dyad: its arms and habits, and the distributions that lessons are drawn from: (mean, standard deviation), or (low,
-    high) for onset. What the teacher feels is stated at the ROBOT's scale; the handle's is s_v K_f or K_f times that.
+    """A dyad: its arms and habits, and the distributions that its lessons of the usual task, "lift", are drawn from: (mean, standard
+    deviation), or (low, high) for onset. In another task all of it grows and shrinks with the task's own numbers. What the teacher
+    feels is stated at the ROBOT's scale; the handle's is s_v K_f or K_f times that.
+
+    start_m   (mean, standard deviation) of where the hand starts in a task of one axis; None: as the task says
     """
 
     lift_m: tuple[float, float] = (0.30, 0.025)
     duration_s: tuple[float, float] = (2.2, 0.25)
     shortest_s: float = 1.8
     onset_s: tuple[float, float] = (0.4, 1.2)
-    after_s: float = 1.0  # how long both hold still at the top
-    start_m: tuple[float, float] = (0.85, 0.0)
+    after_s: float = 1.0  # how long both hold still at the end
+    start_m: tuple[float, float] | None = None
     leading_arm: Arm = field(default_factory=lambda: Arm(120.0, 20.0))
     following_arm: Arm = field(default_factory=lambda: Arm(90.0, 22.0))
     yielding: Yielding = field(default_factory=Yielding)
@@ -125,11 +131,12 @@ class Coupling:
 
 # 267 mm of height, taken hold of 15 mm above the lowest: 1.6 lets a lift of 0.4 m fit; at 1.3 it would end at 0.33 m
 PHANTOM = Coupling(velocity_scale=1.6, device="phantom")
-PHANTOM_START_M = -0.118
+EDGE_M = 0.0155
 
 
 class MakesPlant(Protocol):
-    """How lessons make their plant: vertical axis, `start_position` (1,) [m], control period `dt` [s]."""
+    """How lessons make their plant: `start_position` (d,) [m], control period `dt` [s]. One whose arguments also name `task` is told
+    the Task, with its axes and its gravity."""
 
     def __call__(
         self, partner: Partner, *, beam: Beam, sensor: WristSensor, dt: float, start_position: Array, rng: Rng
@@ -140,17 +147,20 @@ def teach(
     role: str,
     lessons: int = 5,
     *,
+    task: str | Path | Task = "lift",
     rng: np.random.Generator,
     habits: Habits = Habits(),
-    beam: Beam = Beam(),
+    beam: Beam | None = None,
     sensor: WristSensor = WristSensor(),
     coupling: Coupling = Coupling(),
     plant: str | MakesPlant = "beam",
     progress: Callable[[int, int], None] | None = None,
     keep: Callable[[int, Recording], None] | None = None,
 ) -> list[Recording]:
-    """`lessons` Recordings of the robot in `role` ("leader", "follower", or "natural"), at the device's 1 kHz, vertical axis.
+    """`lessons` Recordings of the robot in `role` ("leader", "follower", or "natural"), at the device's 1 kHz.
 
+    task     one that ships by its name, a file, or a Task
+    beam     the object; default: the task's own
     habits   the dyad, for example DYADS["b"]
     plant    "beam", "humanoid" (needs mujoco), or your own maker of a `Plant`, called as MakesPlant says
     keep     called with number and Recording as soon as a lesson is over, to store it: a crash then loses one lesson, not all
@@ -162,10 +172,11 @@ def teach(
     """
     if role not in SCENARIOS:
         raise ParameterError(f"role {role!r} is unknown; roles are: {', '.join(SCENARIOS)}")
-    make = _maker(plant)
+    what, make = named(task).runnable(), _maker(plant)
+    carried = beam or Beam(mass_kg=what.carried.mass_kg, length_m=what.carried.length_m)
     recordings = []
     for number in range(lessons):
-        recordings.append(_lesson(role, number, rng, habits, beam, sensor, coupling, make))
+        recordings.append(_lesson(what, role, number, rng, habits, carried, sensor, coupling, make))
         if keep is not None:
             keep(number, recordings[-1])
         if progress is not None:
@@ -174,6 +185,7 @@ def teach(
 
 
 def _lesson(
+    task: Task,
     role: str,
     number: int,
     rng: np.random.Generator,
@@ -183,19 +195,24 @@ def _lesson(
     coupling: Coupling,
     make: MakesPlant,
 ) -> Recording:
-    drawn = Plan(
-        lift_m=float(rng.normal(*habits.lift_m)),
-        duration_s=max(habits.shortest_s, float(rng.normal(*habits.duration_s))),
-        onset_s=float(rng.uniform(*habits.onset_s)),
-        feedforward_kg=0.5 * beam.mass_kg,
-    )
-    start = np.array([rng.normal(*habits.start_m)])
-    partner, teacher = _people(role, drawn, habits, beam, coupling, rng)
+    drawn = draw_lesson(task, rng, _spread(task, habits))
+    if task.goals:  # five lessons drawn at random may all go to one of them, and then nothing is learned of the others
+        drawn = replace(drawn, goal=list(task.goals)[number % len(task.goals)])
+    start = task.start if drawn.start is None else task.start + np.array(drawn.start)
+    if habits.start_m is not None:
+        start = np.array([rng.normal(*habits.start_m)])
+    partner, teacher = _people(task, role, drawn, habits, beam, coupling, rng)
     dt = coupling.device_period_s
-    plant = make(partner, beam=beam, sensor=sensor, dt=dt, start_position=start, rng=rng)
+    told: dict[str, Any] = {"task": task} if "task" in signature(make).parameters else {}
+    plant = make(partner, beam=beam, sensor=sensor, dt=dt, start_position=start, rng=rng, **told)
+    if tuple(plant.axes) != task.axes:
+        raise ParameterError(
+            f"the plant moves axes {tuple(plant.axes)}; task {task.name!r} has {task.axes}: let its maker take an argument `task`"
+        )
+    course = way(task, drawn).course
     teleoperation = Teleoperation(
-        _device(teacher, coupling, rng),
-        n_axes=1,
+        _device(teacher, course, task, coupling, rng),
+        n_axes=len(task.axes),
         dt=dt,
         force_gain=coupling.force_gain,
         velocity_scale=coupling.velocity_scale,
@@ -203,23 +220,48 @@ def _lesson(
     )
     metadata = {
         "role": role,
-        "task": "lift",
+        "task": task.name,
         "lesson": number,
         "load_mass_kg": beam.mass_kg,
-        "load_share": 0.5,
-        "lift_m": drawn.lift_m,
+        "load_share": task.carried.share,
+        "gravity_m_per_s2": task.gravity.tolist(),
+        "lift_m": drawn.size_m,
         "duration_s": drawn.duration_s,
         "onset_s": drawn.onset_s,
+        "end_m": course.end.tolist(),
         "coupling": asdict(coupling),
     }
-    duration = drawn.onset_s + drawn.duration_s + habits.after_s
-    recording = _with_interaction_force(run(plant, teleoperation, duration_s=duration, metadata=metadata), beam)
+    metadata |= {"goal": drawn.goal} if drawn.goal else {}
+    recording = run(plant, teleoperation, duration_s=course.stop_s + habits.after_s, metadata=metadata)
+    recording = _with_interaction_force(recording, beam, task)
+    if task.obstacles:
+        recording = recording.with_metadata(clearance_m=clearance_of(task, recording))
     stopped = recording.metadata["stop_reason"]
     reason = teleoperation.fault or (stopped if stopped != "duration" else "")
     return recording.with_metadata(incomplete=reason) if reason else recording
 
 
-def _with_interaction_force(recording: Recording, beam: Beam) -> Recording:
+def clearance_of(task: Task, recording: Recording) -> float:
+    """Smallest distance [m] of the hand in a recording to the task's obstacles."""
+    place = recording["hand.position"].values
+    offset = place[0] - task.start if task.fixed_places else None
+    return task.clearance_m(place - place[0], offset)
+
+
+def _spread(task: Task, habits: Habits) -> Spread:
+    """What this dyad's lessons of a task are drawn from: as its lifts differ from the usual lift."""
+    usual, one = Habits(), task.lessons
+    far, long = task.size_m / usual.lift_m[0], task.moving_s / usual.duration_s[0]
+    far_sd, long_sd = one.size_sd_m / usual.lift_m[1], one.duration_sd_s / usual.duration_s[1]
+    return Spread(
+        size_m=(habits.lift_m[0] * far, habits.lift_m[1] * far_sd),
+        duration_s=(habits.duration_s[0] * long, habits.duration_s[1] * long_sd),
+        shortest_s=habits.shortest_s * (one.shortest_s / usual.shortest_s),
+        onset_s=habits.onset_s if one.onset_s == usual.onset_s else one.onset_s,
+    )
+
+
+def _with_interaction_force(recording: Recording, beam: Beam, task: Task) -> Recording:
     sensed, speed = recording["hand.sensor_force"], recording["hand.velocity"].values
     if len(speed) < 20:
         return recording
@@ -228,20 +270,35 @@ def _with_interaction_force(recording: Recording, beam: Beam) -> Recording:
         smooth(sensed.values, dt, FORCE_CUTOFF_HZ),
         smooth(differentiate(speed, dt), dt, FORCE_CUTOFF_HZ),
         mass_kg=beam.mass_kg,
-        gravity=gravity_along(sensed.axes),
+        load_share=task.carried.share,
+        gravity=task.gravity,
     )
     return recording.with_channels({"hand.compensated_force": replace(sensed, values=force)})
 
 
-def _beam_plant(partner: Partner, *, beam: Beam, sensor: WristSensor, dt: float, start_position: Array, rng: Rng) -> Plant:
-    return BeamPlant(partner, beam=beam, sensor=sensor, dt=dt, start_position=start_position, rng=rng)
+def _beam_plant(
+    partner: Partner, *, beam: Beam, sensor: WristSensor, dt: float, start_position: Array, rng: Rng, task: Task = named("lift")
+) -> Plant:
+    return BeamPlant(
+        partner,
+        beam=beam,
+        sensor=sensor,
+        axes=task.axes,
+        axial=task.carried.along,
+        gravity=task.gravity.tolist(),
+        dt=dt,
+        start_position=start_position,
+        rng=rng,
+    )
 
 
-def _humanoid_plant(partner: Partner, *, beam: Beam, sensor: WristSensor, dt: float, start_position: Array, rng: Rng) -> Plant:
+def _humanoid_plant(
+    partner: Partner, *, beam: Beam, sensor: WristSensor, dt: float, start_position: Array, rng: Rng, task: Task = named("lift")
+) -> Plant:
     try:
         humanoid = import_module("comanip.plants.humanoid")
         made: Plant = humanoid.HumanoidPlant(
-            partner, load_mass_kg=beam.mass_kg, sensor=sensor, axes=("z",), dt=dt, start_position=start_position, rng=rng
+            partner, load_mass_kg=beam.mass_kg, sensor=sensor, axes=task.axes, dt=dt, start_position=start_position, rng=rng
         )
     except ImportError as error:
         raise ParameterError(
@@ -261,32 +318,56 @@ def _maker(plant: str | MakesPlant) -> MakesPlant:
     return PLANTS[plant]
 
 
-def _device(teacher: Teacher, coupling: Coupling, rng: np.random.Generator) -> HapticDevice:
+def _device(teacher: Teacher, course: Course, task: Task, coupling: Coupling, rng: np.random.Generator) -> HapticDevice:
     """The handle, its account of energy on its own side, and the network between them and the robot."""
-    device: HapticDevice = HeldHandle(teacher)
+    device: HapticDevice = HeldHandle(teacher, n_axes=len(task.axes))
     if coupling.device == "phantom":
-        device = HeldHandle(teacher, phantom(), start_m=np.array([PHANTOM_START_M]))
+        handle = phantom(task.axes)
+        device = HeldHandle(teacher, handle, n_axes=len(task.axes), start_m=_taken_at(handle, course, coupling.velocity_scale))
     if coupling.passivity:
         device = Passive(device)
     return device if coupling.network is None else Link(device, coupling.network, rng=rng)
 
 
+def _taken_at(handle: Handle, course: Course, scale: float) -> Array:
+    """(d,) where a teacher takes hold of the handle, so that the whole course fits: near the edge that it leads away from."""
+    moved = course.sampled(np.linspace(course.start_s, course.stop_s, 100)) / scale
+    start = []
+    for (low, high), least, most in zip(handle.workspace_m or (), moved.min(axis=0), moved.max(axis=0), strict=True):
+        if least > -EDGE_M and most > EDGE_M:
+            start.append(round(low + EDGE_M, 3))
+        elif most < EDGE_M and least < -EDGE_M:
+            start.append(round(high - EDGE_M, 3))
+        else:
+            start.append(0.5 * (low + high) - 0.5 * float(least + most))
+    return np.array(start)
+
+
 def _people(
-    role: str, drawn: Plan, habits: Habits, beam: Beam, coupling: Coupling, rng: np.random.Generator
+    task: Task, role: str, drawn: Drawn, habits: Habits, beam: Beam, coupling: Coupling, rng: np.random.Generator
 ) -> tuple[Partner, Teacher]:
     """Who leads, who follows, or two who share; the partner at the robot's scale, the teacher at the handle's."""
     leads = {"follower": habits.leading_arm, "leader": habits.following_arm, "natural": habits.leading_arm}
-    carried = 0.5 * beam.mass_kg * STANDARD_GRAVITY
-    arm = replace(dyad(rng, leads[role]), carried_n=carried)
-    static = np.array([-coupling.rendered_gain * carried])
+    share_kg = (1.0 - task.carried.share) * beam.mass_kg
+    carried = [share_kg * -g for g in task.gravity.tolist()]
+    arm = dyad(rng, leads[role])
+    static = np.array([-coupling.rendered_gain * n for n in carried])
+    about: dict[str, Any] = {"axes": task.axes, "carried": carried, "rng": rng}
+    everywhere = range(len(task.axes))
+
+    def meant(one: Drawn) -> Course:
+        return way(task, one, share_kg).course
+
     if role == "follower":
-        hand, plan, yielding = habits.following_hand, None, _felt_by_teacher(habits, coupling)
-        return HumanLeader(drawn, arm, rng=rng), Teacher(yielding=yielding, hand=hand, static_force=static, rng=rng)
+        hand, yielding = habits.following_hand, _felt_by_teacher(habits, coupling)
+        teacher = Teacher(yielding=yielding, hand=hand, static_force=static, moving=everywhere, rng=rng)
+        return HumanLeader(meant(drawn), arm, **about), teacher
     hand = habits.leading_hand
     if role == "leader":
-        plan = _at_handle(drawn, hand, coupling)
-        return HumanFollower(habits.yielding, arm, rng=rng), Teacher(plan=plan, hand=hand, static_force=static, rng=rng)
-    partners, teachers = _idea(drawn, habits, rng), _idea(drawn, habits, rng)
+        plan = _at_handle(meant(drawn), hand, coupling)
+        partner = HumanFollower(habits.yielding, arm, moving=task.axes, **about)
+        return partner, Teacher(plan=plan, hand=hand, static_force=static, rng=rng)
+    partners, teachers = (meant(_idea(task, drawn, habits, rng)) for _ in range(2))
     teacher = Teacher(
         plan=_at_handle(teachers, hand, coupling),
         yielding=_felt_by_teacher(habits, coupling),
@@ -294,21 +375,26 @@ def _people(
         static_force=static,
         rng=rng,
     )
-    return HumanSharing(partners, habits.yielding, arm, rng=rng), teacher
+    return HumanSharing(partners, habits.yielding, arm, **about), teacher
 
 
-def _idea(common: Plan, habits: Habits, rng: np.random.Generator) -> Plan:
-    """One person's idea of the lift that both were told."""
-    return replace(
+def _idea(task: Task, common: Drawn, habits: Habits, rng: np.random.Generator) -> Drawn:
+    """One person's idea of the way that both were told. Who saws or cranks together agrees on the beat: over all cycles the two
+    ideas of it part by no more than over one motion."""
+    apart = habits.duration_apart / max(task.cycles, 1.0)
+    idea = replace(
         common,
-        lift_m=common.lift_m + habits.lift_apart_m * float(rng.normal()),
-        duration_s=common.duration_s * max(0.7, 1.0 + habits.duration_apart * float(rng.normal())),
+        size_m=common.size_m + habits.lift_apart_m * float(rng.normal()),
+        duration_s=common.duration_s * max(0.7, 1.0 + apart * float(rng.normal())),
         onset_s=max(0.0, common.onset_s + habits.onset_apart_s * float(rng.normal())),
     )
+    if not task.rests_s:
+        return idea
+    return replace(idea, rest=common.rest * max(0.7, 1.0 + habits.duration_apart * float(rng.normal())))
 
 
-def _at_handle(plan: Plan, hand: TeacherHand, coupling: Coupling) -> Plan:
-    return replace(plan, lift_m=plan.lift_m / coupling.velocity_scale, feedforward_kg=hand.mass_kg + IDEAL.mass_kg)
+def _at_handle(course: Course, hand: TeacherHand, coupling: Coupling) -> Course:
+    return course.divided(coupling.velocity_scale, hand.mass_kg + IDEAL.mass_kg)
 
 
 def _felt_by_teacher(habits: Habits, coupling: Coupling) -> Yielding:

@@ -134,7 +134,7 @@ class Preparation:
     trim_rest_s         keep at most this much rest at start and end [s]; None keeps all
     payload, load_share eq. (3) for recordings of the raw F_s: the object, and this hand's share of it; default: what
                         the recording states (metadata load_mass_kg or payload, load_share), else a share of 1/2
-    gravity             (d,) [m/s^2]; default: down along "z"
+    gravity             (d,) [m/s^2]; default: what the recording states (metadata gravity_m_per_s2), else down along "z"
     drop_bad            drop frames that are not finite instead of refusing the file
     split_gaps          one demonstration for each piece between gaps (see `demonstrations`)
     integrate_position  make up a missing position from the velocity, starting at 0
@@ -224,6 +224,8 @@ def _pieces(recording: Recording, chosen: Preparation) -> list[Demonstration]:
         chosen = replace(chosen, payload=_stored_payload(recording))
     if chosen.load_share is None:
         chosen = replace(chosen, load_share=float(recording.metadata.get("load_share", 0.5)))
+    if chosen.gravity is None and "gravity_m_per_s2" in recording.metadata:
+        chosen = replace(chosen, gravity=_stated_gravity(recording))
     channels = _channels(recording, where, chosen, notes)
     holes = {name: gaps(channel) for name, channel in channels.items()}
     for name, found in holes.items():
@@ -368,6 +370,18 @@ def _complete(
         notes.append(f"velocity derived from position: zero-phase low-pass {cutoff:.4g} Hz, central differences")
     else:
         check_velocity(where, signals["position"], signals["velocity"], dt, cutoff_hz=cutoff, axes=axes, notes=notes)
+
+
+def _stated_gravity(recording: Recording) -> tuple[float, ...]:
+    """Of metadata gravity_m_per_s2. Raises RecordingError for what is not (d,) numbers."""
+    stated = recording.metadata["gravity_m_per_s2"]
+    try:
+        gravity = tuple(float(g) for g in stated)
+    except (TypeError, ValueError):
+        gravity = (math.nan,)
+    if not all(map(math.isfinite, gravity)):
+        raise RecordingError(f"{_where(recording)}: metadata gravity_m_per_s2 must be finite numbers, one an axis; got {stated!r}")
+    return gravity
 
 
 def _interaction(

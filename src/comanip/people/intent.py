@@ -13,7 +13,7 @@ and Hogan, delays and dead zone as in haptic tracking, sharing as in Reed and Pe
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import exp, pi, sin, sqrt
 
 import numpy as np
@@ -156,6 +156,12 @@ class Course:
         """Displacement (d,) [m] in the end."""
         sums = [sum(far[i] for _, _, far in self.legs) for i in range(self.n_axes)]
         return np.array(sums, dtype=float) + (self.curve.table[-1, 0] if self.curve is not None else 0.0)
+
+    def divided(self, by: float, feedforward_kg: float) -> Course:
+        """The same motion in another scale, for somebody who anticipates another mass."""
+        legs = tuple((a, t, tuple(x / by for x in far)) for a, t, far in self.legs)
+        curve = None if self.curve is None else replace(self.curve, table=self.curve.table / by)
+        return Course(legs, curve, feedforward_kg)
 
     def along(self, axis: int) -> Along:
         """The same, of one axis."""

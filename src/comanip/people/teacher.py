@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import ParameterError
 from ..interfaces import Array
-from .intent import Intent, Plan, Yielding
+from .intent import Course, Intent, Plan, Yielding
 
 
 @dataclass(frozen=True)
@@ -30,25 +31,31 @@ class Teacher:
     """Leads by `plan`, follows by `yielding`, or shares with both; with neither he holds still. Implements `Person`.
 
     static_force   (d,) [N] the handle force at rest (the rendered weight), which he carries without thinking
-    moving         index of the axis he moves along; the others he holds
+    plan           a `Course` moves along all axes; a `Plan` along `moving`
+    moving         index of the axis, or of the axes, that the hand moves along; the others it holds
     """
 
     def __init__(
         self,
         *,
-        plan: Plan | None = None,
+        plan: Plan | Course | None = None,
         yielding: Yielding | None = None,
         hand: TeacherHand = TeacherHand(),
         static_force: Array,
-        moving: int = 0,
+        moving: int | Sequence[int] = 0,
         substep_s: float = 0.001,
         unsteady_n: float = 0.02,
         rng: np.random.Generator,
     ) -> None:
         self.hand, self.mass_kg = hand, hand.mass_kg
         self._static = [float(f) for f in static_force]
+        n = len(self._static)
+        along = range(n) if isinstance(plan, Course) else (moving,) if isinstance(moving, int) else tuple(moving)
         self._intents = [
-            Intent(plan, yielding, substep_s) if i == moving else Intent(None, None, substep_s) for i in range(len(self._static))
+            Intent(plan.along(i) if isinstance(plan, Course) else plan, yielding, substep_s)
+            if i in along
+            else Intent(None, None, substep_s)
+            for i in range(n)
         ]
         self._feedforward = plan.feedforward_kg if plan else 0.0
         self._unsteady, self._rng = unsteady_n, rng

@@ -8,7 +8,7 @@ from pathlib import Path
 from ..errors import ParameterError
 from .reading import read_task
 from .value import Axis, Carried, Lessons, Obstacle, Partners, Phase, Success, Task
-from .way import Drawn, Way, draw_lesson, draw_partner, retimed, usual, way
+from .way import Drawn, Spread, Way, draw_lesson, draw_partner, retimed, spread, usual, way
 
 __all__ = [
     "TASKS",
@@ -19,6 +19,7 @@ __all__ = [
     "Obstacle",
     "Partners",
     "Phase",
+    "Spread",
     "Success",
     "Task",
     "Way",
@@ -27,6 +28,7 @@ __all__ = [
     "named",
     "read_task",
     "retimed",
+    "spread",
     "usual",
     "way",
 ]

@@ -50,13 +50,28 @@ def usual(task: Task, goal: str = "") -> Drawn:
     return Drawn(task.size_m, task.moving_s, 0.0, goal=goal)
 
 
-def draw_lesson(task: Task, rng: np.random.Generator, *, size: tuple[float, float] = (1.0, 1.0), pace: tuple[float, float] = (1.0, 1.0),
-                shortest: float = 1.0, onset_s: tuple[float, float] | None = None) -> Drawn:  # fmt: skip
-    """One lesson. size, pace: factors of mean and spread, `shortest` of the least duration, for people who differ from the usual."""
+@dataclass(frozen=True)
+class Spread:
+    """What one lesson is drawn from: (mean, standard deviation), (low, high) of the onset, and the shortest duration."""
+
+    size_m: tuple[float, float]
+    duration_s: tuple[float, float]
+    shortest_s: float
+    onset_s: tuple[float, float]
+
+
+def spread(task: Task) -> Spread:
+    """The task's own."""
     one = task.lessons
-    size_m = float(rng.normal(size[0] * task.size_m, size[1] * one.size_sd_m))
-    duration = max(shortest * one.shortest_s, float(rng.normal(pace[0] * task.moving_s, pace[1] * one.duration_sd_s)))
-    drawn = Drawn(size_m, duration, float(rng.uniform(*(onset_s or one.onset_s))))
+    return Spread((task.size_m, one.size_sd_m), (task.moving_s, one.duration_sd_s), one.shortest_s, one.onset_s)
+
+
+def draw_lesson(task: Task, rng: np.random.Generator, of: Spread | None = None) -> Drawn:
+    """One lesson; `of` for people who differ from the usual."""
+    of, one = of or spread(task), task.lessons
+    size_m = float(rng.normal(*of.size_m))
+    duration = max(of.shortest_s, float(rng.normal(*of.duration_s)))
+    drawn = Drawn(size_m, duration, float(rng.uniform(*of.onset_s)))
     rest = max(0.3, float(rng.normal(1.0, one.rest_sd))) if one.rest_sd else 1.0
     return _with_places(task, replace(drawn, rest=rest), rng, one.start_sd_m, one.place_sd_m)
 
@@ -71,8 +86,8 @@ def draw_partner(task: Task, rng: np.random.Generator, size_m: float, duration_s
 def _with_places(task: Task, drawn: Drawn, rng: np.random.Generator, start_sd: float, place_sd: float) -> Drawn:
     d, names = len(task.axes), list(task.goals)
     goal = names[int(rng.integers(len(names)))] if names else ""
-    start = tuple(rng.normal(0.0, start_sd, d).tolist()) if start_sd else None
     places = tuple(tuple(row) for row in rng.normal(0.0, place_sd, (len(task.phases), d)).tolist()) if place_sd else None
+    start = tuple(rng.normal(0.0, start_sd, d).tolist())
     return replace(drawn, goal=goal, start=start, places=places)
 
 
