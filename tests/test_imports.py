@@ -41,7 +41,7 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
     "plants": {*BASE, "interaction", "people"},
     "tasks": {*BASE, "people"},
     "teaching": {*BASE, "devices", "interaction", "loop", "people", "plants", "skills", "tasks"},
-    "evaluation": {*BASE, "learned", "lessons", "loop", "models", "people", "plants", "skills"},
+    "evaluation": {*BASE, "learned", "lessons", "loop", "models", "people", "plants", "skills", "tasks"},
     "trials": {
         *BASE,
         "evaluation",

@@ -141,6 +141,7 @@ def convert(file: Path, out: Path, /, *, data: Data = DataFlags(), json: Json = 
 def teach(
     *,
     role: Annotated[Literal["leader", "follower", "natural"], Parameter(help="Of the robot; natural: nobody is told one.")],
+    task: Annotated[str, Parameter(help="Its name (comanip tasks lists them), or your own .toml.")] = "lift",
     lessons: int = 5,
     dyad: Annotated[Literal["a", "b", "c"], Parameter(help="Which two people.")] = "a",
     device: Annotated[Literal["ideal", "phantom"], Parameter(help="What the teacher holds.")] = "ideal",
@@ -154,7 +155,7 @@ def teach(
     """Record lessons from a simulated teacher on a haptic handle with a simulated partner."""
     from . import running as command
 
-    command.teach(role, lessons, dyad, device, delay_ms, passivity, seed, plant, out, json)
+    command.teach(role, task, lessons, dyad, device, delay_ms, passivity, seed, plant, out, json)
 
 
 @app.command
@@ -162,6 +163,7 @@ def reproduce(
     skill: Annotated[list[Path], Parameter(consume_multiple=True)],
     /,
     *,
+    task: Annotated[str | None, Parameter(help="What is done: a name (comanip tasks), or your own .toml; default lift.")] = None,
     seed: int = 7,
     role: Annotated[
         Literal["leader", "follower", "auto"] | None,
@@ -183,7 +185,7 @@ def reproduce(
     """Let a skill carry the beam with a simulated partner drawn by --seed, and judge what happened."""
     from . import running as command
 
-    command.reproduce(skill, seed, role, law, plant, dt, force_from, realtime, out, plot, data, json)
+    command.reproduce(skill, task, seed, role, law, plant, dt, force_from, realtime, out, plot, data, json)
 
 
 @app.command
@@ -202,9 +204,17 @@ def trial(
         list[str],
         Parameter(
             name="--law",
-            help="default, paper, mass-damper, damping, variable-damping, minimum-jerk, homotopy, active-passive; repeatable.",
+            help="default, paper, mass-damper, damping, variable-damping, minimum-jerk, without-lessons, rigid, homotopy, active-passive; "
+            "repeatable.",
         ),
     ] = ["default"],
+    task: Annotated[
+        list[str],
+        Parameter(name="--task", consume_multiple=True, help="Names (comanip tasks), all, or your own .toml; results are then by task."),
+    ] = [],
+    ablate: Annotated[
+        bool, Parameter(negative="", help="Compare the default law with the same law without lessons, and with baselines.")
+    ] = False,
     skill: Annotated[list[Path], Parameter(name="--skill", help="Skill files; default: learned now from 5 lessons a role.")] = [],
     partners_from: Annotated[Path | None, Parameter(help="A Python file that implements the Partner socket.")] = None,
     people: Annotated[
@@ -228,7 +238,7 @@ def trial(
     from . import trying as command
 
     with backend(where.backend, address=where.address):
-        command.trial(role, partners, seed, plant, law, skill, partners_from, people, misbehaving, pictures, workers, json)
+        command.trial(role, partners, seed, plant, law, skill, partners_from, people, task, ablate, misbehaving, pictures, workers, json)
 
 
 @app.command
@@ -244,6 +254,20 @@ def people(
     from . import people as command
 
     command.people(name, seed, plot, json)
+
+
+@app.command
+def tasks(
+    names: Annotated[list[str], Parameter(help="Names or your own .toml files; default: all that ship.")] = [],
+    /,
+    *,
+    plot: Annotated[Path | None, Parameter(help="Draw them into this .png, .svg or .pdf.")] = None,
+    json: Json = False,
+) -> None:
+    """List tasks, and draw them: comanip tasks --plot tasks.png"""
+    from . import tasks as command
+
+    command.tasks(names, plot, json)
 
 
 @app.command

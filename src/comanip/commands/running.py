@@ -17,7 +17,7 @@ from ..errors import ComanipWarning, ParameterError
 from ..formats import write
 from ..formats.background import writing
 from ..formats.live import LiveFile
-from ..interfaces import Tap
+from ..interfaces import Array, Tap
 from ..learned import file as skill_file
 from ..learned.skill import LearnedSkill
 from ..learned.skill import learn as learn_skill
@@ -28,7 +28,9 @@ from ..recording import Recording
 from ..reproduction import make_auto, make_skill
 from ..teaching import DYADS, PHANTOM, Coupling
 from ..teaching import teach as record_lessons
+from ..tasks import Task, named
 from ..trials import draw_case, judge, run_case
+from ..trials.cases import TASK
 from .console import print_json, progress, say_if_slow, table
 from .flags import DataFlags
 from .reading import read_lessons
@@ -46,6 +48,7 @@ def best_plant() -> str:
 
 def teach(
     role: str,
+    task: str,
     lessons: int,
     dyad: str,
     device: str,
@@ -68,6 +71,7 @@ def teach(
         recordings = record_lessons(
             role,
             lessons,
+            task=task,
             rng=np.random.default_rng(seed),
             habits=DYADS[dyad],
             coupling=coupling,
@@ -78,24 +82,34 @@ def teach(
     for said in sorted({str(r.metadata[k]) for r in recordings for k in ("incomplete", "notice") if k in r.metadata}):
         warnings.warn(said, ComanipWarning, stacklevel=2)
     if json:
-        print_json({"role": role, "files": [str(f) for f in files]})
+        print_json({"role": role, "task": named(task).name, "files": [str(f) for f in files]})
         return
     rows = [
-        (f.name, f"{r.duration_s:.1f}", f"{r.metadata['lift_m']:.2f}", f"{np.abs(r['hand.true_force'].values).max():.1f}")
+        (f.name, f"{r.duration_s:.1f}", f"{_farthest(r):.2f}", f"{np.linalg.norm(r['hand.true_force'].values, axis=1).max():.1f}")
         for f, r in zip(files, recordings, strict=True)
     ]
-    table(f"Lessons as {role} in {out}", ("file", "s", "lift m", "peak F N"), rows)
+    table(f"Lessons of {named(task).name} as {role} in {out}", ("file", "s", "far m", "peak F N"), rows)
 
 
-def taught(role: str, seed: int, lessons: int = 5) -> LearnedSkill:
-    """A skill from fresh simulated lessons: what `trial` and `demo` use when no file is given."""
+def _farthest(recording: Recording) -> float:
+    """How far the hand comes from where it began [m]."""
+    place = recording["hand.position"].values
+    return float(np.linalg.norm(place - place[0], axis=1).max())
+
+
+def taught(role: str, seed: int, lessons: int = 5, task: str | Path | Task = TASK) -> LearnedSkill:
+    """A skill from fresh simulated lessons: what `trial` and `demo` use when no file is given. It knows how near to an obstacle
+    any of them came (provenance "clearance_m")."""
     say_if_slow()
-    recordings = record_lessons(role, lessons, rng=np.random.default_rng(seed))
-    return learn_skill(demonstrations(recordings, rate_hz=LESSON_RATE_HZ), role=role)
+    recordings = record_lessons(role, lessons, task=task, rng=np.random.default_rng(seed))
+    learned = learn_skill(demonstrations(recordings, rate_hz=LESSON_RATE_HZ), role=role)
+    known = [float(r.metadata["clearance_m"]) for r in recordings if "clearance_m" in r.metadata]
+    return replace(learned, provenance={**learned.provenance, "clearance_m": min(known)}) if known else learned
 
 
 def reproduce(
     paths: Sequence[Path],
+    task: str | None,
     seed: int,
     role: str | None,
     law: str | None,
@@ -117,18 +131,21 @@ def reproduce(
         recording, result = _replayed(learned, force_from, law, role, data, clock, live)
     else:
         acting = role or learned.role
-        if learned.axes != ("z",):
+        what = named(task or TASK).runnable()
+        if learned.axes != what.axes:
+            asked = f"--task {what.name}" if task else f"without --task it is {what.name}, which"
             raise ParameterError(
-                f"{path}: simulated partners lift along z; this skill moves {', '.join(learned.axes)}: use --force-from FILE"
+                f"{path}: {asked} moves axes {', '.join(what.axes)}; this skill moves {', '.join(learned.axes)}: name its task "
+                "with --task (comanip tasks lists them), or use --force-from FILE"
             )
         if not acting:
             raise ParameterError(f"{path}: the skill states no role; pass --role leader or --role follower")
-        case = draw_case(acting, np.random.default_rng(seed))
+        case = draw_case(acting, np.random.default_rng(seed), task=what)
         if acting == "auto":
             skill = make_auto({one.role: one for one in skills.values()}, axes=learned.axes, dt=dt)
         else:
             skill = make_skill(learned, axes=learned.axes, dt=dt, law=law, role=acting)
-        start = float(np.mean(learned.workspace @ [0.75, 0.25]))  # where the lessons started: W is their range, half wider
+        start = _lessons_start(learned, what)
         about = {"seed": seed, "law": law or learned.law}
         recording = run_case(case, skill, plant=plant, dt=dt, start_m=start, clock=clock, taps=live, metadata=about)
         verdict = judge(case, recording, start_m=start, taught_ends_m=learned.ends)
@@ -153,6 +170,14 @@ def reproduce(
     for name, value in result.items():
         shown = f"{value:.4g}" if isinstance(value, float) else ", ".join(value) or "none" if isinstance(value, tuple) else value
         print(f"{name}: {shown}")
+
+
+def _lessons_start(learned: LearnedSkill, task: Task) -> Array | None:
+    """(d,) where the lessons started, of a task that goes one way along one axis: W is their range, half wider. Else unknown, None."""
+    if len(task.axes) > 1 or len(task.phases) > 1 or task.cycles:
+        return None
+    up = (task.phases[0].to or next(iter(task.goals.values())))[0] > 0.0
+    return np.asarray(learned.workspace @ ([0.75, 0.25] if up else [0.25, 0.75]))
 
 
 def _replayed(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,9 @@ import numpy as np
 from ..errors import ParameterError
 from ..learned import file as skill_file
 from ..learned.skill import LearnedSkill
-from ..trials import LAWS, Case, Verdict, draw_case, partner_of, run_cases, success_interval
-from ..trials.cases import ROLES
+from ..tasks import TASKS, Task, named
+from ..trials import ABLATION, LAWS, Case, Verdict, draw_case, paired, partner_of, run_cases, success_interval
+from ..trials.cases import ROLES, TASK
 from ..trials.foreign import PartnersFrom
 from ..trials.running import one_run
 from .console import print_json, progress, table
@@ -31,6 +33,8 @@ def trial(
     files: Sequence[Path],
     partners_from: Path | None,
     people: Sequence[str],
+    tasks: Sequence[str],
+    ablate: bool,
     misbehaving: float,
     pictures: Path | None,
     workers: int,
@@ -45,42 +49,109 @@ def trial(
     if people:
         from . import people as of_kinds
 
-        if given := [flag for flag, value in (("--partners-from", partners_from), ("--pictures", pictures)) if value is not None]:
+        clash = (("--partners-from", partners_from), ("--pictures", pictures), ("--task", tasks or None), ("--ablate", ablate or None))
+        if given := [flag for flag, value in clash if value is not None]:
             raise ParameterError(f"{given[0]} does not go with --people; leave one of them out")
         of_kinds.trial(roles, people, partners, seed, plant, laws, files, misbehaving, workers, json)
         return
-    skills = skills_for(roles, laws, files)
     makes = PartnersFrom(str(partners_from)) if partners_from is not None else partner_of
+    asked = _Asked(roles, partners, seed, plant, tuple(laws), ablate, misbehaving, makes, workers)
     results: dict[str, dict[str, Any]] = {}
-    for role in roles:
-        rng = np.random.default_rng([seed, ROLES.index(role)])
-        cases = [draw_case(role, rng, misbehaving=misbehaving) for _ in range(partners)]
-        for law in laws:
-            with progress(f"{role}, {law}") as report:
-                verdicts = run_cases(cases, skills, law, plant=plant, workers=workers, partner=makes, progress=report)
-            results.setdefault(role, {})[law] = summary(verdicts, cases)
-            if pictures is not None:
-                results[role][law]["pictures"] = _draw_worst(cases, verdicts, skills, law, plant, makes, pictures)
+    for task in _tasks(tasks, files):
+        folder = pictures / task.name if pictures is not None and tasks else pictures
+        results[task.name] = _of_task(asked, task, files, folder, says=task.name if tasks else "")
     if json:
-        print_json(results)
+        print_json(results if tasks else results[TASK])
         return
-    for role, by_law in results.items():
-        _print(role, by_law, partners, seed, plant)
+    for name, by_role in results.items():
+        for role, by_law in by_role.items():
+            _print(role, by_law, partners, seed, plant, task=name if tasks else "")
 
 
-def skills_for(roles: Sequence[str], laws: Sequence[str], files: Sequence[Path]) -> dict[str, LearnedSkill]:
-    """Skills by role: from files, or learned now from five fresh lessons."""
+@dataclass(frozen=True)
+class _Asked:
+    """What all tasks of one trial share."""
+
+    roles: Sequence[str]
+    partners: int
+    seed: int
+    plant: str
+    laws: tuple[str, ...]
+    ablate: bool
+    misbehaving: float
+    makes: Any
+    workers: int
+
+    def laws_of(self, role: str) -> tuple[str, ...]:
+        """The default law goes first where others are compared with it."""
+        if not self.ablate:
+            return self.laws
+        return tuple(dict.fromkeys(("default", *ABLATION[role], *self.laws)))
+
+
+def _tasks(names: Sequence[str], files: Sequence[Path]) -> list[Task]:
+    """The tasks that were named, "all" being those that ship and run here; without any, the usual one."""
+    if not names:
+        return [named(TASK)]
+    found: dict[str, Task] = {}
+    for name in names:
+        several = [one for one in map(named, TASKS) if not one.needs] if name == "all" else [named(name).runnable()]
+        for one in several:
+            if found.setdefault(one.name, one) != one:
+                raise ParameterError(f"--task {name}: another task is called {one.name!r}, too; change `name` in one of the files")
+    if files and len(found) > 1:
+        raise ParameterError(f"--skill goes with one --task; got {', '.join(found)}")
+    return list(found.values())
+
+
+def _of_task(asked: _Asked, task: Task, files: Sequence[Path], pictures: Path | None, says: str) -> dict[str, Any]:
+    """{role: {law: summary}}, and under "against" of a law what the default law gains on it."""
+    laws = [law for role in asked.roles for law in asked.laws_of(role)]
+    skills = skills_for(asked.roles, laws, files, task)
+    results: dict[str, Any] = {}
+    for role in asked.roles:
+        rng = np.random.default_rng([asked.seed, ROLES.index(role)])
+        cases = [draw_case(role, rng, task=task, misbehaving=asked.misbehaving) for _ in range(asked.partners)]
+        by_law: dict[str, list[Verdict]] = {}
+        for law in asked.laws_of(role):
+            with progress(", ".join(filter(None, (says, role, law)))) as report:
+                by_law[law] = run_cases(
+                    cases, skills, law, plant=asked.plant, workers=asked.workers, partner=asked.makes, progress=report
+                )
+            results.setdefault(role, {})[law] = summary(by_law[law], cases)
+            if pictures is not None:
+                drawn = _draw_worst(cases, by_law[law], skills, law, asked.plant, asked.makes, pictures)
+                results[role][law]["pictures"] = drawn
+        if asked.ablate:
+            steady = [n for n, case in enumerate(cases) if case.behaviour == "steady"]
+            for law, verdicts in by_law.items():
+                if law != "default":
+                    pairs = ([some[n] for n in steady] for some in (by_law["default"], verdicts))
+                    results[role][law]["default_minus_this"] = paired(*pairs, np.random.default_rng(asked.seed))
+    return results
+
+
+def skills_for(
+    roles: Sequence[str], laws: Sequence[str], files: Sequence[Path], task: str | Path | Task = TASK
+) -> dict[str, LearnedSkill]:
+    """Skills by role: from files, or learned now from five fresh lessons of the task."""
     skills: dict[str, LearnedSkill] = {}
+    what = named(task)
     for file in files:
         learned = skill_file.load(file)
         if learned.role in skills or not learned.role:
             raise ParameterError(f"{file}: role {learned.role or 'not stated'!r}; --skill takes one file a role")
+        if learned.axes != what.axes:
+            raise ParameterError(
+                f"{file}: the skill moves axes {', '.join(learned.axes)}; task {what.name!r} has {', '.join(what.axes)}: pass the "
+                "--task that it was taught"
+            )
         skills[learned.role] = learned
     wanted = {"leader", "follower"} if "auto" in roles or "active-passive" in laws else set(roles)
     for role in sorted(wanted - set(skills)):
-        skills[role] = taught(role, seed=0)
+        skills[role] = taught(role, seed=0, task=what)
     if "auto" in roles and "natural" not in skills and not files:
-        skills["natural"] = taught("natural", seed=0)
+        skills["natural"] = taught("natural", seed=0, task=what)
     return skills
 
 
@@ -110,8 +181,8 @@ def _draw_worst(
     return files
 
 
-def _print(role: str, by_law: Mapping[str, Mapping[str, Any]], partners: int, seed: int, plant: str) -> None:
-    columns = ["law", "success", "95 %", "effort N²s", "peak N", "end cm", "level °", "ripple mm/s", "LDLJ"]
+def _print(role: str, by_law: Mapping[str, Mapping[str, Any]], partners: int, seed: int, plant: str, task: str = "") -> None:
+    columns = ["law", "success", "95 %", "effort N²s", "time s", "peak N", "end cm", "level °", "ripple mm/s", "LDLJ"]
     if role == "auto":
         columns.append("role right")
     rows = []
@@ -120,7 +191,8 @@ def _print(role: str, by_law: Mapping[str, Mapping[str, Any]], partners: int, se
             law,
             f"{100 * r['success']:.1f} %",
             f"{100 * r['interval'][0]:.1f}-{100 * r['interval'][1]:.1f}",
-            f"{r['effort']:.3g}",
+            _short(r["effort"]),
+            _short(r["time_s"]),
             f"{r['peak_force_n']:.3g}",
             f"{100 * r['end_error_m']:.2g}",
             f"{r['tilt_deg']:.2g}",
@@ -130,13 +202,30 @@ def _print(role: str, by_law: Mapping[str, Mapping[str, Any]], partners: int, se
         if role == "auto":
             row.append("-" if r["role_right"] is None else f"{100 * r['role_right']:.1f} %")
         rows.append(row)
-    table(f"Robot as {role} on the {plant}: {partners} partners it has never met (seed {seed})", columns, rows)
+    what = f"{task}: robot" if task else "Robot"
+    table(f"{what} as {role} on the {plant}: {partners} partners it has never met (seed {seed})", columns, rows)
     for law, r in by_law.items():
         by = ", ".join(f"{name} {s['successes']}/{s['partners']}" for name, s in r["behaviours"].items())
         why = "; ".join(f"{reason} {n}" for reason, n in r["failures"].items()) or "none"
         print(f"{law}: {by}. Failures: {why}")
+        if (apart := r.get("default_minus_this")) is not None:
+            print(f"  default minus {law}: {_differences(apart)}")
         for file in r.get("pictures", ()):
             print(f"  {file}")
+
+
+def _short(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
+
+
+def _differences(apart: Mapping[str, Any]) -> str:
+    """In words: success in points of per cent, effort and time where both succeeded."""
+    said = []
+    for name, scale, unit in (("success", 100.0, "%"), ("effort", 1.0, "N²s"), ("time_s", 1.0, "s")):
+        if apart[name] is not None:
+            mean, low, high = (scale * x for x in apart[name])
+            said.append(f"{name.removesuffix('_s')} {mean:+.3g} ({low:+.3g} to {high:+.3g}) {unit}")
+    return f"{', '.join(said)}; both succeed with {apart['both']}"
 
 
 def summary(verdicts: Sequence[Verdict], cases: Sequence[Case]) -> dict[str, Any]:
@@ -167,6 +256,13 @@ def summary(verdicts: Sequence[Verdict], cases: Sequence[Case]) -> dict[str, Any
         "ripple_m_per_s": over("ripple_m_per_s"),
         "smoothness": float(np.median([v.smoothness for v in steady])) if steady else None,
         "duration_s": over("duration_s"),
+        "time_s": over("duration_s"),
+        "vibration_n": over("vibration_n"),
+        "clearance_m": over("clearance_m", np.min) if cases and cases[0].task.obstacles else None,
+        "visited": over("visited", np.mean),
+        "cycles": over("cycles"),
+        "rest_error_s": over("rest_error_s", np.max),
+        "slowness": over("slowness"),
         "internal_force_n": over("internal_force_n"),
         "effort_share": over("effort_share"),
         "role_right": float(np.mean(told)) if told else None,

@@ -333,16 +333,20 @@ def _draw_run(ax: Any, recording: Recording, row: str, c: int, axis: str, t0: fl
 
 
 def _draw_goal(ax: Any, recording: Recording, c: int, t0: float) -> None:
-    """Where a leading partner means to be, when the run says so: he plans a minimum-jerk lift along "z"."""
+    """Where a leading partner means to be, when the run says so: by a plan, or, of one axis, by how far, when and how long."""
     from ..people.partners import minimum_jerk
 
     hand = recording["hand.position"]
     partner = recording.metadata.get("partner")
+    time, start = np.asarray(hand.time - t0), float(hand.values[0, c])
+    if isinstance(plan := recording.metadata.get("plan"), Mapping):
+        meant = np.interp(time, plan["time_s"], np.asarray(plan["displacement_m"])[:, c])
+        ax.plot(time, start + meant, color=CLAY, linestyle=DASHES[2], label="partner's plan")
+        return
     if not isinstance(partner, Mapping) or partner.get("role", recording.metadata.get("role")) != "follower":
         return
-    if "lift_m" not in partner or hand.axes[c] != "z":
+    if "lift_m" not in partner or len(hand.axes) > 1:
         return
-    time, start = np.asarray(hand.time - t0), float(hand.values[0, c])
     onset, duration = float(partner.get("onset_s", 0.0)), float(partner.get("duration_s", 0.0))
     share = np.array([minimum_jerk((t - onset) / duration)[0] if duration > 0.0 else 1.0 for t in time])
     ax.plot(time, start + float(partner["lift_m"]) * share, color=CLAY, linestyle=DASHES[2], label="partner's plan")

@@ -2,6 +2,7 @@
 
 MassDamper            M dv/dt = F - D v: the admittance of the paper's ref. [1]; with M = 0 constant damping
 VariableDamping       the same with D low in motion and high at rest or against it (variable impedance, Ikeura and Inooka 1995)
+RigidMinimumJerk      a minimum-jerk motion by the clock, and no compliance: the partner is not felt
 MinimumJerkFollower   a minimum-jerk motion fitted to what the partner has done so far, and followed (the paper's refs [5], [6])
 Homotopy              alpha times a leader, 1 - alpha times a follower, alpha fixed (the paper's ref. [12])
 ActivePassive         a discrete HMM tells whether the partner is active or passive, and the robot does the other (ref. [15])
@@ -17,6 +18,7 @@ import numpy as np
 from ..errors import ParameterError
 from ..interfaces import Array, Command, Observation, Skill
 from ..models.gmm import Gmm
+from .reference import PhaseReference
 
 
 def _fill(command: Command, obs: Observation, velocity: Array, dt: float) -> None:
@@ -124,6 +126,28 @@ class MinimumJerkFollower(MassDamper):
         a = 60.0 * now * (1.0 - now) * (1.0 - 2.0 * now) / duration**2
         v = 30.0 * now * now * (1.0 - now) ** 2 / duration
         return far * a, far * v
+
+
+class RigidMinimumJerk(_Plain):
+    """Goes along `reference` by the clock, held to it as stiffly as a position-controlled arm, whatever the partner does.
+
+    reference   with duration_s, and `at` over its tables `position` and `velocity`
+    """
+
+    def __init__(self, reference: PhaseReference, *, dt: float, start_delay_s: float = 0.5, stiffness_per_s: float = 10.0) -> None:
+        self._reference, self._dt, self._delay, self._stiffness = reference, dt, start_delay_s, stiffness_per_s
+
+    def reset(self, obs: Observation) -> None:
+        self._phase = -self._delay
+        self._offset = np.nan_to_num(obs.position) - self._reference.position[0]
+
+    def step(self, obs: Observation, command: Command) -> None:
+        one, self._phase = self._reference, self._phase + self._dt
+        moving = 0.0 <= self._phase < one.duration_s
+        keep = max(1.0 - max(self._phase, 0.0) / one.duration_s, 0.0)  # a start elsewhere is made good on the way
+        velocity = one.at(one.velocity, self._phase) - self._offset / one.duration_s if moving else np.zeros_like(self._offset)
+        error = np.nan_to_num(one.at(one.position, self._phase) + keep * self._offset - obs.position)
+        _fill(command, obs, velocity + self._stiffness * error, self._dt)
 
 
 class Homotopy(_Plain):

@@ -1,11 +1,13 @@
 """Trials: a skill in closed loop with many partners it has never met, some of whom misbehave, and what came of it."""
 
 from .cases import MISBEHAVIOURS, Case, draw_case, partner_of
-from .contestants import LAWS, contestant
+from .comparing import paired
+from .contestants import ABLATION, LAWS, contestant
 from .judging import Bounds, Verdict, bounds, judge, success_interval
 from .running import run_case, run_cases
 
 __all__ = [
+    "ABLATION",
     "LAWS",
     "MISBEHAVIOURS",
     "Bounds",
@@ -15,6 +17,7 @@ __all__ = [
     "contestant",
     "draw_case",
     "judge",
+    "paired",
     "partner_of",
     "run_case",
     "run_cases",

@@ -1,4 +1,8 @@
-"""Who is tried: the laws of this package and the baselines of the field, by name, all within the same safety envelope."""
+"""Who is tried: the laws of this package and the baselines of the field, by name, all within the same safety envelope.
+
+"without-lessons" is the default law with nothing learned but where and how long: told to follow, its compliance alone; told to
+lead, straight by minimum jerk between the lessons' ends in their time; told nothing, its evidence of roles frozen.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +12,10 @@ from ..errors import ParameterError
 from ..interfaces import Skill
 from ..learned.skill import LearnedSkill
 from ..reproduction import enveloped, make_auto, make_skill
-from ..skills.baselines import ActivePassive, Homotopy, MassDamper, MinimumJerkFollower, VariableDamping
-from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill
+from ..skills.baselines import ActivePassive, Homotopy, MassDamper, MinimumJerkFollower, RigidMinimumJerk, VariableDamping
+from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill, Watch
 from ..skills.reference import PhaseReference
+from ..skills.roles import RoleSkill
 
 TUNED = {
     "mass_kg": 6.0,
@@ -88,6 +93,35 @@ def _minimum_jerk(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> 
     return MinimumJerkFollower(n_axes=len(_any(learned).axes), dt=dt)
 
 
+def _straight(one: LearnedSkill) -> PhaseReference:
+    """From where the lessons began to where they ended on average, in their usual time."""
+    assert one.clock is not None
+    return PhaseReference.minimum_jerk(PhaseReference.learned(one.clock, one.ends.mean(axis=0)))
+
+
+def _without_lessons(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    if role == "follower":
+        one = learned[role]
+        return make_skill(one, axes=one.axes, dt=dt, law="default", role=role, envelope=False, anticipation=0.0)
+    one = learned["leader"]
+    reference = PhaseReference.learned(one.clock, one.ends.mean(axis=0)) if role == "auto" and one.clock else _straight(one)
+    return RoleSkill(
+        Watch(one.model, one.dt, dt),
+        reference,
+        one.ends,
+        leading=CollaborativeLaw.for_role("leader"),
+        following=CollaborativeLaw.for_role("follower"),
+        axes=one.axes,
+        dt=dt,
+        leads=role == "leader",
+    )
+
+
+def _rigid(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    """Goes its way whatever it is told and whatever it feels."""
+    return RigidMinimumJerk(_straight(_any(learned)), dt=dt)
+
+
 def _homotopy(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
     return Homotopy(_leading_by_minimum_jerk(learned, dt), _mass_damper(role, learned, dt), n_axes=len(_any(learned).axes), dt=dt)
 
@@ -110,7 +144,12 @@ def _active_passive(role: str, learned: Mapping[str, LearnedSkill], dt: float) -
 
 
 Maker = Callable[[str, Mapping[str, LearnedSkill], float, bool], Skill]
-_UNTOLD = ("mass-damper", "damping", "variable-damping", "homotopy", "active-passive")
+_UNTOLD = ("without-lessons", "rigid", "mass-damper", "damping", "variable-damping", "homotopy", "active-passive")
+ABLATION = {  # role -> what the default law is compared with, the same law without lessons first
+    "leader": ("without-lessons", "rigid", "minimum-jerk", "mass-damper", "variable-damping", "homotopy"),
+    "follower": ("without-lessons", "minimum-jerk", "mass-damper", "variable-damping", "homotopy"),
+    "auto": ("without-lessons", "mass-damper", "variable-damping", "homotopy"),
+}
 LAWS: dict[str, Maker] = {
     "default": _own("default"),
     "paper": _own("paper"),
@@ -118,6 +157,8 @@ LAWS: dict[str, Maker] = {
     "damping": _baseline(_damping),
     "variable-damping": _baseline(_variable_damping),
     "minimum-jerk": _baseline(_minimum_jerk),
+    "without-lessons": _baseline(_without_lessons),
+    "rigid": _baseline(_rigid),
     "homotopy": _baseline(_homotopy),
     "active-passive": _baseline(_active_passive),
 }

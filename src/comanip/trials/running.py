@@ -24,6 +24,7 @@ from .judging import FORCE_CUTOFF_HZ, Verdict, judge
 START_M = float(named(TASK).start[0])  # of the hand in the usual task
 EXPECTED_DELAY_S = 0.010  # of the force sensor behind the velocity: 0 to 20 ms in the draw, and the robot knows no better
 PLANTS = ("beam", "humanoid")
+PLAN_S = 0.05  # between two points of a plan that pictures show
 MakePartner = Callable[[Case, np.random.Generator], Partner]
 
 
@@ -58,9 +59,24 @@ def run_case(
         cutoff_hz=FORCE_CUTOFF_HZ,
         force_delay_s=EXPECTED_DELAY_S,
     )
-    about = {"role": case.role, "task": case.task.name, "partner": case.about(), "load_mass_kg": case.beam_mass_kg, "plant": plant, **(metadata or {})}
+    about = {
+        "role": case.role,
+        "task": case.task.name,
+        "partner": case.about(),
+        "load_mass_kg": case.beam_mass_kg,
+        "plant": plant,
+        **({"plan": _plan(case)} if case.leads else {}),
+        **(metadata or {}),
+    }
     about |= {"stated": stated} if (stated := stated_by(person)) else {}
     return run(world, skill, duration_s=case.run_s, estimator=estimator, clock=clock, taps=taps, metadata=about)
+
+
+def _plan(case: Case) -> dict[str, Any]:
+    """Where a leading partner means to be, for pictures: times [s] and displacements (T, d) [m]."""
+    course = case.course
+    times = np.arange(course.start_s, course.stop_s + PLAN_S, PLAN_S)
+    return {"time_s": times.tolist(), "displacement_m": course.sampled(times).tolist()}
 
 
 def _plant(name: str, person: Partner, case: Case, dt: float, rng: np.random.Generator) -> Plant:
@@ -86,7 +102,6 @@ def run_cases(
     workers: int = 1,
     dt: float = 0.01,
     partner: MakePartner = partner_of,
-    clearance_m: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Verdict]:
     """One verdict a case, in order, by any number of processes (0: one a core): the same numbers for the same cases.
@@ -95,10 +110,9 @@ def run_cases(
 
     learned   skills by role; a case whose role is "auto" needs leader and follower
     law       one of `contestants.LAWS`
-    clearance_m   smallest distance to an obstacle in any lesson, where it is known
     """
     verdicts: list[Verdict] = []
-    work = [(case, learned, law, plant, dt, partner, clearance_m) for case in cases]
+    work = [(case, learned, law, plant, dt, partner) for case in cases]
     for verdict in each(one_verdict, work, n_jobs=workers or -1):
         verdicts.append(verdict)
         if progress is not None:
@@ -118,11 +132,16 @@ def one_run(
     plant: str = "beam",
     dt: float = 0.01,
     partner: MakePartner = partner_of,
-    clearance_m: float | None = None,
 ) -> tuple[Recording, Verdict]:
     """The recording of one case, and the verdict on it."""
     skill = contestant(law, case.role, learned, dt=dt)
     with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
         recording = run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law})
         ends = learned["leader" if "leader" in learned else case.role].ends
-        return recording, judge(case, recording, taught_ends_m=ends, lessons_clearance_m=clearance_m)
+        return recording, judge(case, recording, taught_ends_m=ends, lessons_clearance_m=_clearance(learned))
+
+
+def _clearance(learned: Mapping[str, LearnedSkill]) -> float | None:
+    """Smallest distance [m] to an obstacle in the lessons of any role, where the skills know it."""
+    known = [one.provenance["clearance_m"] for one in learned.values() if "clearance_m" in one.provenance]
+    return min(known) if known else None

@@ -50,7 +50,7 @@ def _frames(case: Case, run: Recording) -> dict[str, Any]:
         "force": np.round(run["hand.true_force"].values[keep, 0], 2).tolist(),
         "state": weights.argmax(axis=1).tolist(),
         "states": int(weights.shape[1]),
-        "goal": round(0.85 + case.lift_m, 3) if case.role == "follower" else None,
+        "goal": round(float(case.start_m[0] + case.course.end[0]), 3) if case.role == "follower" else None,
         "onset": case.onset_s if case.role == "follower" else None,
     }
 
