@@ -45,7 +45,7 @@ def _own_hand(person: object, x: float) -> float:
 
 
 def _recorded(rows: Array, name: str, role: str) -> Recording:
-    time = np.arange(len(rows)) * STEP_S
+    time: Array = np.arange(len(rows), dtype=float) * STEP_S
     names = (("hand.position", "m"), ("hand.velocity", "m/s"), ("partner.position", "m"), ("hand.true_force", "N"))
     channels = {one: Channel(time, rows[:, [i]], unit=unit, axes=("z",)) for i, (one, unit) in enumerate(names)}
     return Recording(channels, {"kind": name, "partner_role": role})

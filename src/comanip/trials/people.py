@@ -18,7 +18,7 @@ import numpy as np
 
 from ..evaluation.metrics import vibration
 from ..interaction import TaringInteractionForce
-from ..interfaces import STANDARD_GRAVITY, Array, Partner
+from ..interfaces import STANDARD_GRAVITY, Array, Partner, Skill
 from ..learned.skill import LearnedSkill
 from ..parallel import each
 from ..people.body import Body, draw_body
@@ -83,7 +83,7 @@ def criteria_of(case: Case) -> Criteria:
     steady = case.behaviour == "steady"
     lasts = (sum(duration for _, duration, _ in case.legs) + IN_TIME_S) if case.leads else LED_S
     vibrates = own.pop("vibration_n", VIBRATION_N if steady else inf)
-    in_time = own.pop("time_s", lasts) if steady else inf
+    in_time = own.pop("time_s", lasts if steady else inf)
     if usual.goal == "taught":
         own.pop("end_m", None)  # where the task ends is not the partner's
     changed: dict[str, Any] = own
@@ -165,10 +165,15 @@ def _robot(case: PersonCase, rng: np.random.Generator, learned: Mapping[str, Lea
 
 
 def meet(
-    case: Case, learned: Mapping[str, LearnedSkill], law: str, plant: str = "beam", dt: float = 0.01
+    case: Case,
+    learned: Mapping[str, LearnedSkill],
+    law: str,
+    plant: str = "beam",
+    dt: float = 0.01,
+    skill: Skill | None = None,
 ) -> tuple[Recording, Met]:
-    """The recording of one partner, and what came of it."""
-    skill = contestant(law, case.role, learned, dt=dt)
+    """The recording of one partner, and what came of it. `skill`: another than `law` makes from what was learned."""
+    skill = skill or contestant(law, case.role, learned, dt=dt)
 
     def partner(_: Case, rng: np.random.Generator) -> Partner:
         return person_of(case, rng, learned, dt) if isinstance(case, PersonCase) else partner_of(case, rng)
