@@ -19,7 +19,6 @@ from comanip.trials.people import (
     IN_TIME_S,
     LED_S,
     USUAL,
-    VIBRATION_N,
     PersonCase,
     body_of,
     criteria_of,
@@ -112,12 +111,12 @@ def test_a_motion_that_does_not_end_in_time_is_a_failure(lasts, said):
 
 def test_what_a_kind_makes_of_the_plan_is_what_it_is_judged_by():
     late = of_kind("starts late")
-    assert late.legs[0][0] >= 7.5
-    assert late.run_s > late.legs[0][0] + 2.0
+    assert late.course.start_s >= 7.5
+    assert late.run_s > late.course.start_s + 2.0
     crawl = of_kind("crawls")
     assert crawl.stop_s == pytest.approx(1.0 + 0.3 / 0.025, abs=0.01)
     assert of_kind("releases slowly").event_s == pytest.approx(2.0)
-    assert of_kind("reverses").legs[0][2] == pytest.approx(0.0, abs=1e-9)
+    assert of_kind("reverses").course.end == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_run_is_the_same_for_any_number_of_processes(skills):
@@ -152,7 +151,7 @@ def test_a_summary_counts_each_kind_and_all_of_them():
     assert found["success"] == pytest.approx(2 / 3)
     assert {kind: row["success"] for kind, row in found["kinds"].items()} == {"plain": 0.5, "tires": 1.0}
     assert found["kinds"]["plain"]["failures"] == {"vibration": 1}
-    assert found["kinds"]["tires"]["vibration_n"] < VIBRATION_N
+    assert found["kinds"]["tires"]["vibration_n"] < 0.8
 
 
 def shell(*words, cwd):

@@ -19,6 +19,7 @@ from .body import Body
 from .habits import Habit
 from .intent import Course, Noise, Unsteadiness
 from .minds import Mind
+from .robot import stated
 
 GRIPS = 64  # how many grips there are between open and closed: each has its own exact step
 OPEN = Step(1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
@@ -102,9 +103,9 @@ class Person:
         return None if self.course is None else self.course.end
 
     @property
-    def goal_m(self) -> float | None:
-        """The same along the only axis, which is what a judge of one axis asks for."""
-        return float(self.course.end[0]) if self.course is not None and self._d == 1 else None
+    def goal_m(self) -> float | Array | None:
+        """The same as a judge takes it: along the only axis a number."""
+        return stated(self.goal)
 
     @property
     def onset_s(self) -> float | None:

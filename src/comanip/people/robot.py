@@ -17,6 +17,11 @@ from ..errors import ParameterError
 from ..interfaces import Array, Command, Observation, Skill
 
 
+def stated(goal: Array | None) -> float | Array | None:
+    """A goal (d,) as a judge takes it: along the only axis a number."""
+    return None if goal is None else float(goal[0]) if len(goal) == 1 else goal
+
+
 class Estimates(Protocol):
     """Fills `obs.force` from `obs.sensor_force` (`interaction.TaringInteractionForce`)."""
 
@@ -45,7 +50,7 @@ class RobotPartner:
     """`skill` as the partner of another robot.
 
     carried_n       (d,) share of the weight along each axis [N]
-    goal_m, onset_s, stop_s   as stated by who makes it: where and when it means to go, if it leads
+    goal (d,), onset_s, stop_s   as stated by who makes it: where and when it means to go, if it leads
     """
 
     def __init__(
@@ -58,12 +63,13 @@ class RobotPartner:
         dt: float = 0.01,
         substep_s: float = 0.001,
         rng: np.random.Generator,
-        goal_m: float | None = None,
+        goal: Array | None = None,
         onset_s: float | None = None,
         stop_s: float | None = None,
     ) -> None:
         self.skill, self.estimator, self.gripper, self.carried_n = skill, estimator, gripper, carried_n
-        self.goal_m, self.onset_s, self.stop_s = goal_m, onset_s, stop_s
+        self.goal, self.onset_s, self.stop_s = goal, onset_s, stop_s
+        self.goal_m = stated(goal)
         self._dt, self._step, self._rng, self._d = dt, substep_s, rng, len(carried_n)
         self._keep = exp(-substep_s / gripper.lag_s)
 

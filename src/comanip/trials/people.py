@@ -12,13 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from math import exp, inf, log, sqrt
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..evaluation.metrics import vibration
-from ..interaction import TaringInteractionForce
-from ..interfaces import STANDARD_GRAVITY, Array, Partner, Skill
+from ..interfaces import STANDARD_GRAVITY, Partner, Skill
 from ..learned.skill import LearnedSkill
 from ..parallel import each
 from ..people.body import Body, draw_body
@@ -27,16 +26,15 @@ from ..people.kinds import FOLLOWING, LEADING, kind_of, make, planned
 from ..people.plans import lasting
 from ..people.robot import Gripper, RobotPartner
 from ..recording import Recording
-from ..signals.filters import smooth
-from .cases import HAND_KG, ROLES, Case, draw_case, partner_of
+from ..tasks import Task
+from .cases import HAND_KG, ROLES, SHORT_S, TASK, Case, draw_case, partner_of
 from .contestants import contestant
-from .judging import FORCE_CUTOFF_HZ, Bounds, Verdict, bounds, judge, success_interval
-from .running import EXPECTED_DELAY_S, START_M, run_case
+from .judging import DIVERGED, Bounds, Verdict, bounds, judge, success_interval
+from .running import clearance, estimator_for, run_case
 
 VIBRATION_N = 0.8  # rms above 2.5 Hz, in motion
 IN_TIME_S = 1.5  # after a leading partner has come to the end
-LED_S = 6.0  # longest motion of somebody who is led
-AXES = ("z",)
+LED_S = 6.0  # longest motion of somebody who is led in a lift, which is taught to take 2.2 s
 USUAL = "usual"  # the people of `draw_case`, without an arm of their own, some of whom misbehave
 
 
@@ -44,21 +42,14 @@ USUAL = "usual"  # the people of `draw_case`, without an arm of their own, some 
 class PersonCase(Case):
     """A case whose partner is of a kind; what the kind makes of the plan counts for the judge and for how long the run lasts."""
 
-    kind: str = "plain"
-
     @cached_property
     def course(self) -> Course:
         """What a leading partner means."""
-        whole = Course(((self.onset_s, self.duration_s, (self.lift_m,)),), feedforward_kg=0.5 * self.beam_mass_kg)
-        return planned(self.kind, whole, np.random.default_rng([self.seed, 1]))
+        return planned(self.kind, self.way.course, np.random.default_rng([self.seed, 4]))
 
     @property
     def event_s(self) -> float:
         return self.course.start_s + self.event * lasting(self.course) if self.leads else super().event_s
-
-    @property
-    def legs(self) -> tuple[tuple[float, float, float], ...]:
-        return ((self.course.start_s, lasting(self.course), float(self.course.end[0])),)
 
     @property
     def stop_s(self) -> float:
@@ -79,10 +70,10 @@ class Criteria(NamedTuple):
 
 def criteria_of(case: Case) -> Criteria:
     """Those of the kind in place of the usual ones."""
-    usual, own = bounds(case), dict(kind_of(case.kind).criteria) if isinstance(case, PersonCase) else {}
+    usual, own = bounds(case), dict(kind_of(case.kind).criteria) if case.kind else {}
     steady = case.behaviour == "steady"
-    lasts = (sum(duration for _, duration, _ in case.legs) + IN_TIME_S) if case.leads else LED_S
-    vibrates = own.pop("vibration_n", VIBRATION_N if steady else inf)
+    lasts = lasting(case.course) + IN_TIME_S if case.leads else LED_S * case.task.moving_s / SHORT_S + case.task.rests_s
+    vibrates = own.pop("vibration_n", min(case.task.success.vibration_n, VIBRATION_N) if steady else inf)
     in_time = own.pop("time_s", lasts if steady else inf)
     if usual.goal == "taught":
         own.pop("end_m", None)  # where the task ends is not the partner's
@@ -103,14 +94,16 @@ class Met(NamedTuple):
         return not self.failures
 
 
-def draw_people(role: str, kind: str, n: int, seed: int, *, misbehaving: float = 0.0) -> list[Case]:
+def draw_people(
+    role: str, kind: str, n: int, seed: int, *, task: str | Path | Task = TASK, misbehaving: float = 0.0
+) -> list[Case]:
     """`n` partners of `kind` for a robot in `role`, the same draws for each kind; none where it cannot play the other role.
 
     misbehaving   share of those of the kind "usual" who misbehave; the others have habits of their own
     """
     if kind == USUAL:
         rng = np.random.default_rng([seed, ROLES.index(role)])
-        return [draw_case(role, rng, misbehaving=misbehaving) for _ in range(n)]
+        return [draw_case(role, rng, task=task, misbehaving=misbehaving) for _ in range(n)]
     part = kind_of(kind)
     plays = {"follower": (LEADING,), "leader": (FOLLOWING,)}.get(role, (LEADING, FOLLOWING))
     if not set(plays) & set(part.roles):
@@ -118,7 +111,7 @@ def draw_people(role: str, kind: str, n: int, seed: int, *, misbehaving: float =
     rng = np.random.default_rng([seed, ROLES.index(role)])
     found: list[Case] = []
     while len(found) < n:
-        case = draw_case(role, rng)
+        case = draw_case(role, rng, task=task)
         if case.partner in part.roles:
             given = {f.name: getattr(case, f.name) for f in fields(case)}
             found.append(PersonCase(**{**given, "behaviour": part.behaviour, "kind": kind}))
@@ -127,29 +120,30 @@ def draw_people(role: str, kind: str, n: int, seed: int, *, misbehaving: float =
 
 def body_of(case: Case) -> Body:
     """The drawn person of a case, and the arm and the grip that the case does not tell."""
-    rng, share = np.random.default_rng([case.seed, 2]), 0.5 * case.beam_mass_kg
+    share = case.carried_n / STANDARD_GRAVITY
     return draw_body(
-        rng,
-        load_kg=case.beam_mass_kg,
-        axes_gravity=[-STANDARD_GRAVITY],
+        np.random.default_rng([case.seed, 2]),
+        load_kg=2.0 * share,
+        axes_gravity=case.task.gravity,
+        carried_n=tuple(case.carried.tolist()),
         stiffness_n_per_m=case.stiffness_n_per_m,
-        ratio=case.damping_ns_per_m / (2.0 * sqrt(case.stiffness_n_per_m * (HAND_KG + share))),
+        ratio=case.damping_ns_per_m / (2.0 * sqrt(case.stiffness_n_per_m * (HAND_KG + 0.5 * case.beam_mass_kg))),
         yielding_ns_per_m=case.yielding_ns_per_m,
         delay_s=case.delay_s,
         tremor_n=case.tremor_n,
     )
 
 
-def person_of(case: PersonCase, rng: np.random.Generator, learned: Mapping[str, LearnedSkill], dt: float) -> Partner:
+def person_of(case: Case, rng: np.random.Generator, learned: Mapping[str, LearnedSkill], dt: float) -> Partner:
     """The partner of the case; `rng` is what makes it unsteady."""
     if kind_of(case.kind).robot:
         return _robot(case, rng, learned, dt)
     course = case.course if case.leads else None
     once = case.event_s if case.behaviour != "steady" else None
-    return make(case.kind, role=case.partner, course=course, body=body_of(case), axes=AXES, rng=rng, event_s=once)
+    return make(case.kind, role=case.partner, course=course, body=body_of(case), axes=case.axes, rng=rng, event_s=once)
 
 
-def _robot(case: PersonCase, rng: np.random.Generator, learned: Mapping[str, LearnedSkill], dt: float) -> Partner:
+def _robot(case: Case, rng: np.random.Generator, learned: Mapping[str, LearnedSkill], dt: float) -> Partner:
     own = np.random.default_rng([case.seed, 3])
     stiffness = exp(own.uniform(log(300.0), log(4000.0)))
     gripper = Gripper(
@@ -157,11 +151,11 @@ def _robot(case: PersonCase, rng: np.random.Generator, learned: Mapping[str, Lea
     )
     told = "leader" if case.leads else "follower"
     skill = contestant("default", told if kind_of(case.kind).robot == "told" else "auto", learned, dt=dt)
-    estimator = TaringInteractionForce(dt, gravity=[-STANDARD_GRAVITY], cutoff_hz=FORCE_CUTOFF_HZ, force_delay_s=EXPECTED_DELAY_S)
-    stated = {}
-    if case.leads:  # a robot lifts as it was taught, at once
-        stated = {"goal_m": float(learned["leader"].ends.mean()) - START_M, "onset_s": 0.0, "stop_s": 4.0}
-    return RobotPartner(skill, estimator, carried_n=(case.carried_n,), gripper=gripper, dt=dt, rng=rng, **stated)
+    about: dict[str, Any] = {"gripper": gripper, "dt": dt, "rng": rng}
+    if case.leads:  # a robot goes as it was taught, and at once
+        goal = learned["leader"].ends.mean(axis=0) - case.start_m
+        about |= {"goal": goal, "onset_s": 0.0, "stop_s": 2.0 + 1.5 * (case.task.moving_s + case.task.rests_s)}
+    return RobotPartner(skill, estimator_for(case, dt), carried_n=tuple(case.carried.tolist()), **about)
 
 
 def meet(
@@ -176,43 +170,28 @@ def meet(
     skill = skill or contestant(law, case.role, learned, dt=dt)
 
     def partner(_: Case, rng: np.random.Generator) -> Partner:
-        return person_of(case, rng, learned, dt) if isinstance(case, PersonCase) else partner_of(case, rng)
+        return person_of(case, rng, learned, dt) if case.kind else partner_of(case, rng)
 
     with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
         recording = run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law, "kind": kind_name(case)})
         ends = learned["leader" if "leader" in learned else case.role].ends
-        return recording, judged(case, recording, taught_ends_m=ends)
+        return recording, judged(case, recording, taught_ends_m=ends, lessons_clearance_m=clearance(learned))
 
 
 def kind_name(case: Case) -> str:
-    return case.kind if isinstance(case, PersonCase) else USUAL
+    return case.kind or USUAL
 
 
-def judged(case: Case, recording: Recording, *, taught_ends_m: Array | None = None) -> Met:
-    """The verdict by the kind's criteria, with vibration and time."""
+def judged(case: Case, recording: Recording, **about: Any) -> Met:
+    """The verdict by the kind's criteria; `about` goes to the judge. Vibration and time are asked as the kind has them."""
     criteria = criteria_of(case)
-    verdict = judge(case, recording, taught_ends_m=taught_ends_m, within=criteria.within)
-    if verdict.failures == ("diverged",):
+    verdict = judge(case, recording, within=criteria.within, **about)
+    if verdict.failures == DIVERGED.failures:
         return Met(verdict, verdict.failures, inf, inf)
-    hand = recording["hand.position"]
-    x, dt = hand.values[:, 0], float(hand.time[1] - hand.time[0])
-    force = smooth(recording["hand.true_force"].values, dt, FORCE_CUTOFF_HZ)[:, 0]
-    shakes, took = vibration(force, dt, _moving(x)), max(verdict.duration_s, 0.0)
-    more = [
-        text
-        for value, most, text in ((shakes, criteria.vibration_n, "vibration"), (took, criteria.time_s, "too slow"))
-        if value > most
-    ]
-    return Met(verdict, (*verdict.failures, *more), shakes, took)
-
-
-def _moving(x: Array) -> Array:
-    """(T,) from 1 cm after the start until 1 cm before the end; everywhere where nothing ever moved so far."""
-    gone, coming = np.flatnonzero(np.abs(x - x[0]) > 0.01), np.flatnonzero(np.abs(x - x[-1]) > 0.01)
-    moving = np.zeros(len(x), dtype=bool)
-    if len(gone) and len(coming) and gone[0] < coming[-1]:
-        moving[gone[0] : coming[-1] + 1] = True
-    return moving if moving.any() else ~moving
+    usual = tuple(reason for reason in verdict.failures if reason not in ("vibration", "too slow"))
+    shakes, took = verdict.vibration_n, max(verdict.duration_s, 0.0)
+    asked = ((shakes, criteria.vibration_n, "vibration"), (took, criteria.time_s, "too slow"))
+    return Met(verdict, usual + tuple(text for value, most, text in asked if value > most), shakes, took)
 
 
 def _met(*work: Any) -> Met:
