@@ -63,6 +63,8 @@ def _line(ax: Any, task: Task, drawn: Drawn, **style: Any) -> None:
     offset = np.array(drawn.start) if drawn.start is not None and task.fixed_places else np.zeros(len(task.axes))
     ax.plot(*(moved[:, i] + offset[i] for i in planar), **style)
     named = [f"{task.axes[i]} [{task.units[i]}]" for i in planar]
+    if len(planar) == 3:
+        ax.set_box_aspect(None, zoom=0.8)
     for put, text in zip((ax.set_xlabel, ax.set_ylabel, getattr(ax, "set_zlabel", None)), named, strict=False):
         if put is not None:
             put(text)

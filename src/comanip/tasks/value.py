@@ -95,7 +95,7 @@ class Success:
     ripple_m_per_s: float = 0.01
     tilt_deg: float = 3.0
     vibration_n: float = 2.0  # rms of the force above 2.5 Hz while the hand moves
-    slowest: float = 2.5  # times the usual duration
+    slowest: float = 3.0  # times the usual duration
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from .cases import Case
 
 RESTING_M_PER_S = 0.03  # slower than this near a place, the hand rests there
 NEAR_M = 0.03  # so much farther than `Success.way_m` from it a rest still belongs to it
+CYCLE_SHARE = 0.35  # of the task's size: a soft partner pulls less far than meant in each cycle, and has done it
 MORE_CYCLES = 3  # so many beyond the asked ones are counted
 
 
@@ -33,6 +34,8 @@ def followed(case: Case, t: Array, x: Array, v: Array) -> Followed:
     meant, offset = _meant(case)
     places, within = meant.places + offset, case.task.success.way_m
     per_cycle = _per_cycle(case)
+    if per_cycle:
+        within = max(within, CYCLE_SHARE * case.task.size_m)
     asked = np.vstack([places, np.tile(places[len(places) - per_cycle :], (MORE_CYCLES, 1))]) if per_cycle else places
     at = _visits(x, asked, within)
     start = case.start_m - case.task.start
