@@ -26,9 +26,9 @@ from ..loop import SimulatedClock, WallClock, run
 from ..plants.replay import ReplayPlant
 from ..recording import Recording
 from ..reproduction import make_auto, make_skill
+from ..tasks import Task, named
 from ..teaching import DYADS, PHANTOM, Coupling
 from ..teaching import teach as record_lessons
-from ..tasks import Task, named
 from ..trials import draw_case, judge, run_case
 from ..trials.cases import TASK
 from .console import print_json, progress, say_if_slow, table

@@ -49,7 +49,12 @@ def trial(
     if people:
         from . import people as of_kinds
 
-        clash = (("--partners-from", partners_from), ("--pictures", pictures), ("--task", tasks or None), ("--ablate", ablate or None))
+        clash = (
+            ("--partners-from", partners_from),
+            ("--pictures", pictures),
+            ("--task", tasks or None),
+            ("--ablate", ablate or None),
+        )
         if given := [flag for flag, value in clash if value is not None]:
             raise ParameterError(f"{given[0]} does not go with --people; leave one of them out")
         of_kinds.trial(roles, people, partners, seed, plant, laws, files, misbehaving, workers, json)
@@ -98,7 +103,9 @@ def _tasks(names: Sequence[str], files: Sequence[Path]) -> list[Task]:
         several = [one for one in map(named, TASKS) if not one.needs] if name == "all" else [named(name).runnable()]
         for one in several:
             if found.setdefault(one.name, one) != one:
-                raise ParameterError(f"--task {name}: another task is called {one.name!r}, too; change `name` in one of the files")
+                raise ParameterError(
+                    f"--task {name}: another task is called {one.name!r}, too; change `name` in one of the files"
+                )
     if files and len(found) > 1:
         raise ParameterError(f"--skill goes with one --task; got {', '.join(found)}")
     return list(found.values())

@@ -103,7 +103,9 @@ class _Reader:
             raise self._fail(key, f"must be true or false; got {value!r}")
         return value
 
-    def _number(self, value: Any, key: str, *, above: float | None = None, least: float | None = None, most: float = np.inf) -> float:
+    def _number(
+        self, value: Any, key: str, *, above: float | None = None, least: float | None = None, most: float = np.inf
+    ) -> float:
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
             raise self._fail(key, f"must be a finite number; got {value!r}")
         if (above is not None and not value > above) or (least is not None and not value >= least) or value > most:
@@ -188,7 +190,9 @@ class _Reader:
     def _carried(self, table: Mapping[str, Any]) -> Carried:
         made: Carried = self._values(table, "object", Carried)
         if made.along and made.along not in [axis.name for axis in self.axes]:
-            raise self._fail("object.along", f"is {made.along!r}, an unknown axis; this task has: {', '.join(a.name for a in self.axes)}")
+            raise self._fail(
+                "object.along", f"is {made.along!r}, an unknown axis; this task has: {', '.join(a.name for a in self.axes)}"
+            )
         if made.share > 1.0:
             raise self._fail("object.share", f"is {made.share:g}; allowed: 0 to 1")
         for name in ("mass_kg", "length_m"):

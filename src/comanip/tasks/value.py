@@ -170,7 +170,11 @@ class Task:
         turned = [axis.name for axis in self.axes_ if axis.kind == ANGLE]
         if turned:
             return f"a plant that turns the object ({', '.join(turned)} in rad)"
-        return "" if self.carried.share == 0.5 else f"a plant whose hand carries {self.carried.share:g} of the object (the beam halves it)"
+        return (
+            ""
+            if self.carried.share == 0.5
+            else f"a plant whose hand carries {self.carried.share:g} of the object (the beam halves it)"
+        )
 
     def runnable(self) -> Task:
         """The task itself; raises ParameterError where no plant here can do it."""
@@ -183,7 +187,9 @@ class Task:
         """How far from the start the usual way goes: the measure that lessons and partners vary."""
         far = [p for phase in self.phases for p in _reached(phase)] + list(self.goals.values())
         lengths = [axis.kind == LENGTH for axis in self.axes_]
-        measured = lengths if any(far_off and is_length for p in far for far_off, is_length in zip(p, lengths, strict=True)) else None
+        measured = (
+            lengths if any(far_off and is_length for p in far for far_off, is_length in zip(p, lengths, strict=True)) else None
+        )
         return max(hypot(*(x for n, x in enumerate(place) if measured is None or measured[n])) for place in far)
 
     @property

@@ -15,6 +15,7 @@ from .cases import Case
 RESTING_M_PER_S = 0.03  # slower than this near a place, the hand rests there
 NEAR_M = 0.03  # so much farther than `Success.way_m` from it a rest still belongs to it
 CYCLE_SHARE = 0.35  # of the task's size: a soft partner pulls less far than meant in each cycle, and has done it
+STEP_S = 0.01  # between two places of a meant way
 MORE_CYCLES = 3  # so many beyond the asked ones are counted
 
 
@@ -46,7 +47,7 @@ def followed(case: Case, t: Array, x: Array, v: Array) -> Followed:
     return Followed(
         visited=min(len(at), len(places)) / len(places) if per_cycle else _on_the_way(at, len(places)),
         cycles=(len(at) - n_before) / per_cycle if per_cycle else nan,
-        rest_error_s=_rest_error(t, x, v, places, meant.rests, at, within),
+        rest_error_s=_rest_error(_Hand(t, x, v), places, meant, at, within),
         clearance_m=case.task.clearance_m(x, start),
         partner_clearance_m=free,
         meant_s=meant.course.stop_s - meant.course.start_s,
@@ -82,21 +83,43 @@ def _on_the_way(at: list[int], n: int) -> float:
     return min(len(at), n - 1) / (n - 1) if n > 1 else 1.0
 
 
-def _rest_error(t: Array, x: Array, v: Array, places: Array, rests: Array, at: list[int], within: float) -> float:
-    """[s] by which the worst rest on the way differs from what is meant; one that never came misses all of it."""
+class _Hand(NamedTuple):
+    """Times (T,), places and velocities (T, d)."""
+
+    t: Array
+    x: Array
+    v: Array
+
+
+def _rest_error(hand: _Hand, places: Array, meant: Way, at: list[int], within: float) -> float:
+    """[s] by which the worst rest on the way differs from what is meant; one that never came misses all of it.
+
+    Meant is how long the meant way itself would count as resting there: a slow motion comes to rest early and leaves late.
+    """
+    waits = np.flatnonzero(meant.rests[:-1] > 0.0).tolist()
+    if not waits:
+        return 0.0
+    own = _gone(meant)
+    when = _visits(own.x, meant.places, within)
     worst = 0.0
-    for n in np.flatnonzero(rests[:-1] > 0.0).tolist():
-        if n >= len(at):
-            worst = max(worst, float(rests[n]))
-            continue
-        worst = max(worst, abs(_rested(t, x, v, places[n], at[n], within) - float(rests[n])))
+    for n in waits:
+        asked = _rested(own, meant.places[n], when[n], within) if n < len(when) else float(meant.rests[n])
+        kept = _rested(hand, places[n], at[n], within) if n < len(at) else 0.0
+        worst = max(worst, abs(kept - asked))
     return worst
 
 
-def _rested(t: Array, x: Array, v: Array, place: Array, since: int, within: float) -> float:
+def _gone(meant: Way) -> _Hand:
+    """A hand that goes exactly the meant way."""
+    t = np.arange(meant.course.start_s, meant.course.stop_s, STEP_S)
+    x = meant.course.sampled(t)
+    return _Hand(t, x, np.gradient(x, STEP_S, axis=0))
+
+
+def _rested(hand: _Hand, place: Array, since: int, within: float) -> float:
     """How long [s] the hand rests near a place, from when it is first there until it has left it."""
-    near = ((x[since:] - place) ** 2).sum(axis=1) <= (within + NEAR_M) ** 2
+    near = ((hand.x[since:] - place) ** 2).sum(axis=1) <= (within + NEAR_M) ** 2
     gone = np.flatnonzero(~near)
     stay = slice(since, since + (int(gone[0]) if len(gone) else len(near)))
-    slow = (v[stay] ** 2).sum(axis=1) < RESTING_M_PER_S**2
-    return float(slow.sum() * (t[1] - t[0]))
+    slow = (hand.v[stay] ** 2).sum(axis=1) < RESTING_M_PER_S**2
+    return float(slow.sum() * (hand.t[1] - hand.t[0]))

@@ -24,7 +24,7 @@ ROLE_WITHIN_S = 0.3  # after 1 cm of motion the role must be known
 MOVED_M = 0.01  # from here on the hand has moved
 MOVING_M_PER_S = 0.02  # faster than this, the hand is in motion
 MISBEHAVING_N = 10.0  # so much more force is borne with who misbehaves
-OWN_WAY_M = 0.015  # so much nearer to an obstacle than a leading partner means to go, the hand may be pulled
+OWN_WAY_M = 0.03  # so much nearer to an obstacle than a leading partner means to go, the hand may be pulled
 
 
 class Verdict(NamedTuple):
