@@ -40,9 +40,9 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True)
 class Habits:
-    """A dyad: its arms and habits, and the distributions that its lessons of the usual task, "lift", are drawn from: (mean, standard
-    deviation), or (low, high) for onset. In another task all of it grows and shrinks with the task's own numbers. What the teacher
-    feels is stated at the ROBOT's scale; the handle's is s_v K_f or K_f times that.
+    """A dyad: its arms and habits, and the distributions that its lessons of the usual task, "lift", are drawn from: (mean,
+    standard deviation), or (low, high) for onset. In another task all of it grows and shrinks with the task's own numbers. What
+    the teacher feels is stated at the ROBOT's scale; the handle's is s_v K_f or K_f times that.
 
     start_m   (mean, standard deviation) of where the hand starts in a task of one axis; None: as the task says
     """
@@ -135,8 +135,8 @@ EDGE_M = 0.0155
 
 
 class MakesPlant(Protocol):
-    """How lessons make their plant: `start_position` (d,) [m], control period `dt` [s]. One whose arguments also name `task` is told
-    the Task, with its axes and its gravity."""
+    """How lessons make their plant: `start_position` (d,) [m], control period `dt` [s]. One whose arguments also name `task` is
+    told the Task, with its axes and its gravity."""
 
     def __call__(
         self, partner: Partner, *, beam: Beam, sensor: WristSensor, dt: float, start_position: Array, rng: Rng

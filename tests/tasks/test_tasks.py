@@ -1,4 +1,4 @@
-"""Tasks as values: those that ship, one's own from a file, files that cannot be used, and that nothing else has to know of a new one."""
+"""Tasks as values: those that ship, one's own from a file, files that cannot be used; nothing else has to know of a new one."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from comanip.trials.cases import ROLES
 from comanip.trials.running import PLANTS
 
 TWELVE = (
-    "lift", "lower", "lift-hold-lower", "two-stages", "slide", "round-the-corner", "pick-carry-place", "saw", "crank", "two-shelves",
-    "turn", "door",
+    "lift", "lower", "lift-hold-lower", "two-stages", "slide", "round-the-corner", "pick-carry-place", "saw", "crank",
+    "two-shelves", "turn", "door",
 )  # fmt: skip
 RUN_HERE = tuple(name for name in TASKS if not named(name).needs)
 
@@ -171,9 +171,8 @@ def test_ones_own_task_is_a_file(own, capsys):
     assert (task.axes, task.gravity.tolist()) == (("side", "up"), [0.0, -STANDARD_GRAVITY])
     (lesson,) = teach("follower", 1, task=own, rng=np.random.default_rng(0))
     assert lesson["hand.position"].axes == ("side", "up")
-    first, last = lesson["hand.compensated_force"].values[[100, -100]]
+    first = lesson["hand.compensated_force"].values[100]
     assert np.abs(first).max() < 1.5  # the weight is gone, along the axis that the file calls upright
-    (learned,) = demonstrations([lesson], rate_hz=100.0)
     raw = replace_force(lesson)
     assert np.abs(demonstrations([raw], rate_hz=100.0)[0].force[:20]).max() < 1.5
     trying.trial(["follower"], 3, 7, "beam", ["default"], [], None, [], [str(own)], False, 0.0, None, 1, True)
@@ -287,7 +286,7 @@ EMPTY = ["", "axes = 3\nphases = 4", "[axes]\nphases = []", "[axes.z]\n", "[axes
 def test_files_with_nothing_in_them_are_refused(tmp_path, text):
     file = tmp_path / "bad.toml"
     file.write_text(text)
-    with pytest.raises(ParameterError, match="bad.toml: "):
+    with pytest.raises(ParameterError, match=r"bad\.toml: "):
         read_task(file)
 
 
@@ -298,7 +297,7 @@ def test_what_cannot_be_run_or_found_is_said(tmp_path):
         teach("leader", 1, task="turn", rng=np.random.default_rng(0))
     with pytest.raises(ParameterError, match="task 'dance' is unknown; there are: lift, lower"):
         named("dance")
-    with pytest.raises(ParameterError, match="no.toml: No such file"):
+    with pytest.raises(ParameterError, match=r"no\.toml: No such file"):
         named(tmp_path / "no.toml")
     assert PLANTS
 
@@ -308,5 +307,5 @@ def test_the_picture_of_all_twelve():
     from comanip.evaluation.tasks import tasks
 
     figure = tasks([named(name) for name in TWELVE])
-    assert [ax.get_title(loc="left").split(" (")[0] for ax in figure.axes] == list(TWELVE)
+    assert [(ax.get_title(loc="left") or ax.get_title()).split(" (")[0] for ax in figure.axes] == list(TWELVE)
     assert len(drawing.to_png_bytes(figure)) > 20_000

@@ -63,8 +63,8 @@ def test_defects_have_their_names():
     assert "left out a place on the way" in named_defect("lift-hold-lower", "follower", lambda t, x: 0.0 * x)
     assert "rest not kept" in named_defect("lift-hold-lower", "follower", lambda t, x: 0.0 * x)
     assert "hit an obstacle" in named_defect("round-the-corner", "follower", straight)
-    assert "missed the taught place" in named_defect("slide", "leader", lambda t, x: 0.8 * x)
-    assert "too slow" in named_defect("slide", "leader", lambda t, x: x[(np.arange(len(x)) / 4).astype(int)])
+    assert "missed the taught place" in named_defect("slide", "leader", lambda t, x: 0.8 * x, taught_ends_m=np.array([[0.8]]))
+    assert "too slow" in named_defect("slide", "leader", lambda t, x: x[-1] * np.minimum(t / 7.8, 1.0)[:, None])
     assert named_defect("round-the-corner", "leader", lambda t, x: x, lessons_clearance_m=0.5) == (
         "nearer to an obstacle than any lesson",
     )

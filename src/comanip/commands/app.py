@@ -204,13 +204,15 @@ def trial(
         list[str],
         Parameter(
             name="--law",
-            help="default, paper, mass-damper, damping, variable-damping, minimum-jerk, without-lessons, rigid, homotopy, active-passive; "
-            "repeatable.",
+            help="default, paper, mass-damper, damping, variable-damping, minimum-jerk, without-lessons, rigid, homotopy, "
+            "active-passive; repeatable.",
         ),
     ] = ["default"],
     task: Annotated[
         list[str],
-        Parameter(name="--task", consume_multiple=True, help="Names (comanip tasks), all, or your own .toml; results are then by task."),
+        Parameter(
+            name="--task", consume_multiple=True, help="Names (comanip tasks), all, or your own .toml; results are then by task."
+        ),
     ] = [],
     ablate: Annotated[
         bool, Parameter(negative="", help="Compare the default law with the same law without lessons, and with baselines.")
@@ -238,7 +240,9 @@ def trial(
     from . import trying as command
 
     with backend(where.backend, address=where.address):
-        command.trial(role, partners, seed, plant, law, skill, partners_from, people, task, ablate, misbehaving, pictures, workers, json)
+        command.trial(
+            role, partners, seed, plant, law, skill, partners_from, people, task, ablate, misbehaving, pictures, workers, json
+        )
 
 
 @app.command

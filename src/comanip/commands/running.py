@@ -150,8 +150,12 @@ def reproduce(
         recording = run_case(case, skill, plant=plant, dt=dt, start_m=start, clock=clock, taps=live, metadata=about)
         verdict = judge(case, recording, start_m=start, taught_ends_m=learned.ends)
         result = {"role": acting, "success": verdict.success, **verdict._asdict()}
-    named = ", ".join(str(one) for one in paths)
-    result = {"skill": named, "law": law or learned.law, "stop_reason": recording.metadata["stop_reason"], **result}
+    result = {
+        "skill": ", ".join(str(one) for one in paths),
+        "law": law or learned.law,
+        "stop_reason": recording.metadata["stop_reason"],
+        **result,
+    }
     if notice := recording.metadata.get("notice"):
         result["notice"] = notice
     if out is not None:
@@ -173,7 +177,7 @@ def reproduce(
 
 
 def _lessons_start(learned: LearnedSkill, task: Task) -> Array | None:
-    """(d,) where the lessons started, of a task that goes one way along one axis: W is their range, half wider. Else unknown, None."""
+    """(d,) where the lessons started, of a task that goes one way along one axis: W is their range, half wider. None: unknown."""
     if len(task.axes) > 1 or len(task.phases) > 1 or task.cycles:
         return None
     up = (task.phases[0].to or next(iter(task.goals.values())))[0] > 0.0

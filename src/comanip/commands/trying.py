@@ -133,8 +133,8 @@ def _of_task(asked: _Asked, task: Task, files: Sequence[Path], pictures: Path | 
             steady = [n for n, case in enumerate(cases) if case.behaviour == "steady"]
             for law, verdicts in by_law.items():
                 if law != "default":
-                    pairs = ([some[n] for n in steady] for some in (by_law["default"], verdicts))
-                    results[role][law]["default_minus_this"] = paired(*pairs, np.random.default_rng(asked.seed))
+                    one, other = ([some[n] for n in steady] for some in (by_law["default"], verdicts))
+                    results[role][law]["default_minus_this"] = paired(one, other, np.random.default_rng(asked.seed))
     return results
 
 
@@ -150,8 +150,8 @@ def skills_for(
             raise ParameterError(f"{file}: role {learned.role or 'not stated'!r}; --skill takes one file a role")
         if learned.axes != what.axes:
             raise ParameterError(
-                f"{file}: the skill moves axes {', '.join(learned.axes)}; task {what.name!r} has {', '.join(what.axes)}: pass the "
-                "--task that it was taught"
+                f"{file}: the skill moves axes {', '.join(learned.axes)}; task {what.name!r} has {', '.join(what.axes)}: pass "
+                "the --task that it was taught"
             )
         skills[learned.role] = learned
     wanted = {"leader", "follower"} if "auto" in roles or "active-passive" in laws else set(roles)

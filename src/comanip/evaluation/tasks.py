@@ -14,8 +14,8 @@ from .drawing import ASH, CLAY, INK, SAND, blank, taste
 COLUMNS = 4
 LESSONS = 5
 CAPTION = (
-    "Dark: the usual way, from the start of the hand; over time along one axis, else in the plane or in space. Light: the ways of "
-    "five lessons as they are drawn. Grey: what the hand must not enter. Refuted as tasks of one kind if a straight line does them all."
+    "Dark: the usual way from the hand's start; over time along one axis, else in the plane or in space. Light: five "
+    "lessons as they are drawn. Grey: what the hand must not enter. Refuted as different tasks if one straight line does them all."
 )
 
 

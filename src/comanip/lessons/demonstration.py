@@ -381,7 +381,7 @@ def _stated_gravity(recording: Recording) -> tuple[float, ...]:
     except (TypeError, ValueError):
         gravity = (math.nan,)
     if not all(map(math.isfinite, gravity)):
-        raise RecordingError(f"{_where(recording)}: metadata gravity_m_per_s2 must be finite numbers, one an axis; got {stated!r}")
+        raise RecordingError(f"{_where(recording)}: metadata gravity_m_per_s2 must be finite numbers; got {stated!r}")
     return gravity
 
 

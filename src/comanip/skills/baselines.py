@@ -134,7 +134,7 @@ class RigidMinimumJerk(_Plain):
     reference   with duration_s, and `at` over its tables `position` and `velocity`
     """
 
-    def __init__(self, reference: PhaseReference, *, dt: float, start_delay_s: float = 0.5, stiffness_per_s: float = 10.0) -> None:
+    def __init__(self, reference: PhaseReference, *, dt: float, start_delay_s: float = 0.5, stiffness_per_s: float = 10.0):
         self._reference, self._dt, self._delay, self._stiffness = reference, dt, start_delay_s, stiffness_per_s
 
     def reset(self, obs: Observation) -> None:

@@ -35,8 +35,8 @@ __all__ = [
 
 FOLDER = Path(__file__).parent
 _ORDER = (
-    "lift", "lower", "lift-hold-lower", "two-stages", "slide", "round-the-corner", "pick-carry-place", "saw", "crank", "two-shelves",
-    "turn", "door",
+    "lift", "lower", "lift-hold-lower", "two-stages", "slide", "round-the-corner", "pick-carry-place", "saw", "crank",
+    "two-shelves", "turn", "door",
 )  # fmt: skip
 
 

@@ -132,6 +132,9 @@ class _Reader:
             raise self._fail("axes", "the squares of `up` must not add up to more than 1: there is one vertical")
         return tuple(axes)
 
+    def _axis_names(self) -> str:
+        return ", ".join(axis.name for axis in self.axes)
+
     def _named(self, value: Any, key: str) -> dict[str, float]:
         """{axis: number} with axes of this task only."""
         table = self._table(value, key)
@@ -173,7 +176,7 @@ class _Reader:
             for name, place in places.items():
                 if not any(place):
                     raise self._fail(f"{key}.{name}", "must not be zero")
-            return Phase(kind, duration, cycles=turns, **places)
+            return Phase(kind, duration, centre=places["centre"], towards=places["towards"], cycles=turns)
         if kind == "move" and "to" not in one and not goals:
             raise self._fail(f"{key}.to", "is missing, and there are no [goals] to go to")
         to = self._place(one["to"], f"{key}.to") if "to" in one else None
@@ -190,9 +193,7 @@ class _Reader:
     def _carried(self, table: Mapping[str, Any]) -> Carried:
         made: Carried = self._values(table, "object", Carried)
         if made.along and made.along not in [axis.name for axis in self.axes]:
-            raise self._fail(
-                "object.along", f"is {made.along!r}, an unknown axis; this task has: {', '.join(a.name for a in self.axes)}"
-            )
+            raise self._fail("object.along", f"is {made.along!r}, an unknown axis; this task has: {self._axis_names()}")
         if made.share > 1.0:
             raise self._fail("object.share", f"is {made.share:g}; allowed: 0 to 1")
         for name in ("mass_kg", "length_m"):
@@ -259,8 +260,8 @@ class _Reader:
         for n, phase in enumerate(task.phases, 1):
             if phase.to is not None and task.clearance_m(np.array([phase.to])) <= 0.0:
                 raise self._fail(f"phases[{n}].to", "lies inside an obstacle")
-        for goal in task.goals or ("",):
-            course = way(task, usual(task, goal)).course
+        for to in tuple(task.goals) or ("",):
+            course = way(task, usual(task, to)).course
             times = np.arange(course.start_s, course.stop_s, STEP_S)
             if task.clearance_m(course.sampled(times)) <= 0.0:
                 raise self._fail("phases", "the usual way leads through an obstacle")

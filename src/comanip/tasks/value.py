@@ -1,7 +1,7 @@
 """What a task is: axes, the way through them, the object, what stands in the way, and whom it is learned from and tried with.
 
-A task is one TOML file (`tasks.reading`, docs/tasks.md). All places are displacements from the start of the hand; axes are lengths
-[m] or angles [rad].
+A task is one TOML file (`tasks.reading`, docs/tasks.md). All places are displacements from the start of the hand; axes are
+lengths [m] or angles [rad].
 """
 
 from __future__ import annotations
@@ -170,11 +170,8 @@ class Task:
         turned = [axis.name for axis in self.axes_ if axis.kind == ANGLE]
         if turned:
             return f"a plant that turns the object ({', '.join(turned)} in rad)"
-        return (
-            ""
-            if self.carried.share == 0.5
-            else f"a plant whose hand carries {self.carried.share:g} of the object (the beam halves it)"
-        )
+        share = self.carried.share
+        return "" if share == 0.5 else f"a plant whose hand carries {share:g} of the object (the beam halves it)"
 
     def runnable(self) -> Task:
         """The task itself; raises ParameterError where no plant here can do it."""
@@ -187,10 +184,8 @@ class Task:
         """How far from the start the usual way goes: the measure that lessons and partners vary."""
         far = [p for phase in self.phases for p in _reached(phase)] + list(self.goals.values())
         lengths = [axis.kind == LENGTH for axis in self.axes_]
-        measured = (
-            lengths if any(far_off and is_length for p in far for far_off, is_length in zip(p, lengths, strict=True)) else None
-        )
-        return max(hypot(*(x for n, x in enumerate(place) if measured is None or measured[n])) for place in far)
+        lengths_only = [[x for x, is_length in zip(place, lengths, strict=True) if is_length] for place in far]
+        return max(hypot(*place) for place in (lengths_only if any(map(any, lengths_only)) else far))
 
     @property
     def moving_s(self) -> float:

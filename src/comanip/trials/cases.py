@@ -146,7 +146,7 @@ class Case:
 
     @cached_property
     def course(self) -> Course:
-        """How a leading partner goes, misbehaviour included. One straight leg is cut into legs; any other way is gone at other times."""
+        """How a leading partner goes, misbehaviour included: one straight leg cut into legs, any other way at other times."""
         course, knots = self.way.course, self._knots
         if len(knots) == 1 and knots[0][2] == 1.0:
             return course

@@ -18,8 +18,8 @@ MEASURES = {"effort": "effort_n2s", "time_s": "duration_s", "vibration_n": "vibr
 def paired(first: Sequence[Verdict], second: Sequence[Verdict], rng: np.random.Generator) -> dict[str, Any]:
     """`first` minus `second`, partner by partner: {measure: [mean difference, low, high]} with 95 % bootstrap intervals.
 
-    Success counts over all partners. Effort, time, vibration and peak force are compared where BOTH succeeded, for a law that does
-    not do the task has no effort with it; "both" says how many those are. None where there are fewer than two.
+    Success counts over all partners. Effort, time, vibration and peak force are compared where BOTH succeeded, for a law that
+    does not do the task has no effort with it; "both" says how many those are. None where there are fewer than two.
     """
     won = np.array([[a.success, b.success] for a, b in zip(first, second, strict=True)], dtype=float).reshape(-1, 2)
     both = won.all(axis=1)

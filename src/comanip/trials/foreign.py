@@ -26,12 +26,12 @@ class PartnersFrom:
     """Makes partners as a file tells, one after the other if it holds several classes. Pickles by its path.
 
     A function `partner(case, rng)` gets the draw (`trials.Case`) and a Generator. A class is made with those of the arguments
-    `case` and `rng` that its constructor names. In both, case.axes are the task's axes, and case.carried (d,) is the weight that a
-    partner carries along each (case.carried_n where there is one, upright).
+    `case` and `rng` that its constructor names. In both, case.axes are the task's axes, and case.carried (d,) is the weight that
+    a partner carries along each (case.carried_n where there is one, upright).
 
-    A partner is judged by the draw: the goal is `partners_goal(case)` from the start, the motion begins at case.onset_s and stops
-    at case.stop_s. One who has other plans says so by the attributes goal_m [m from the start; (d,) in d axes], onset_s and stop_s
-    [s].
+    A partner is judged by the draw: the goal is `partners_goal(case)` from the start, the motion begins at case.onset_s and
+    stops at case.stop_s. One who has other plans says so by the attributes goal_m [m from the start; (d,) in d axes], onset_s and
+    stop_s [s].
     """
 
     path: str

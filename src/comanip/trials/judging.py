@@ -8,6 +8,7 @@ from math import inf, nan, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..evaluation.metrics import effort, effort_share, internal_force, log_dimensionless_jerk, vibration, widest, work
 from ..interfaces import STANDARD_GRAVITY, Array
@@ -80,9 +81,9 @@ class Bounds:
 def bounds(case: Case) -> Bounds:
     """The criteria for a case; the numbers of a task are its own (`Task.success`), here in brackets those of "lift".
 
-    Robot told to follow: the partner's goal within [3 cm], no start before the partner's. Told to lead: starts within 2 s, a taught
-    end within [2 cm]. Told nothing: the one or the other by what the partner does; at rest nothing tells a late leader from a
-    follower, so where the partner follows its 2 s begin when its stated patience is over (6.5 s, the latest onset in the draw).
+    Robot told to follow: the partner's goal within [3 cm], no start before the partner's. Told to lead: starts within 2 s, a
+    taught end within [2 cm]. Told nothing: the one or the other by what the partner does; at rest nothing tells a late leader
+    from a follower, so where the partner follows its 2 s begin when its stated patience is over (6.5 s, the latest onset drawn).
     Hesitating partners: the same, with a peak force 10 N higher, as for all who misbehave but walls, and
 
     reverses       ends with the partner, wherever that is
@@ -92,7 +93,7 @@ def bounds(case: Case) -> Bounds:
     lets go        noticed (COMPLY or HOLD) within 0.5 s, holds the object where it is
     """
     own = case.task.success
-    held = {"residual_n": own.residual_n, "ripple_m_per_s": own.ripple_m_per_s, "tilt_deg": own.tilt_deg}
+    held: dict[str, Any] = {"residual_n": own.residual_n, "ripple_m_per_s": own.ripple_m_per_s, "tilt_deg": own.tilt_deg}
     if case.behaviour == "lets go":
         return Bounds(peak_n=inf, notices=True, **{**held, "residual_n": inf})
     if case.behaviour == "blocks":
@@ -133,7 +134,7 @@ class _Run:
         return float(self.t[1] - self.t[0])
 
     @property
-    def moved(self) -> Array:
+    def moved(self) -> NDArray[np.intp]:
         """Ticks in which the hand is more than 1 cm from the start."""
         return np.flatnonzero(_length(self.x) > MOVED_M)
 
