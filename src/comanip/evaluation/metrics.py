@@ -5,6 +5,8 @@ Forces [N] and velocities [m/s] are (T,) along one axis or (T, d); dt [s]. None 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,7 +62,7 @@ def log_dimensionless_jerk(velocity: Array, dt: float) -> float:
     return float(-np.log(duration**3 / peak**2 * total)) if total > 0.0 else 0.0
 
 
-def vibration(force: Array, dt: float, moving: NDArray[np.bool_] | None = None, *, above_hz: float = 2.5) -> float:
+def vibration(force: Array, dt: float, moving: NDArray[Any] | None = None, *, above_hz: float = 2.5) -> float:
     """Root mean square [N] of what oscillates above `above_hz` in an interaction force, (T,) or (T, d), where `moving`.
 
     People move a load together at up to about 1 Hz; what is faster is a loop that shakes, or tremor. Zero-phase, half of the

@@ -15,7 +15,7 @@ COLUMNS = 4
 LESSONS = 5
 CAPTION = (
     "Dark: the usual way from the hand's start; over time along one axis, else in the plane or in space. Light: five "
-    "lessons as they are drawn. Grey: what the hand must not enter. Refuted as different tasks if one straight line does them all."
+    "lessons as they are drawn. Grey: what the hand must not enter. Refuted as different tasks if one line does them all."
 )
 
 
