@@ -62,15 +62,15 @@ def _line(ax: Any, task: Task, drawn: Drawn, **style: Any) -> None:
         return
     offset = np.array(drawn.start) if drawn.start is not None and task.fixed_places else np.zeros(len(task.axes))
     ax.plot(*(moved[:, i] + offset[i] for i in planar), **style)
-    named = [f"{task.axes[i]} [{task.units[i]}]" for i in planar]
-    if len(planar) == 3:
-        ax.set_box_aspect(None, zoom=0.8)
-    for put, text in zip((ax.set_xlabel, ax.set_ylabel, getattr(ax, "set_zlabel", None)), named, strict=False):
-        if put is not None:
-            put(text)
-    if style["color"] == INK:
-        _marks(ax, moved[:, planar], way(task, drawn).places[:, planar], task.cycles)
-        ax.set_aspect("equal")
+    texts = [f"{task.axes[i]} [{task.units[i]}]" for i in planar]
+    ax.set_xlabel(texts[0])
+    ax.set_ylabel(texts[1])
+    if style["color"] != INK:
+        return
+    if len(planar) == 3:  # beside its axis this name would lie on the next panel
+        ax.text2D(0.98, 0.92, f"up: {texts[2]}", transform=ax.transAxes, ha="right", fontsize=8)
+    _marks(ax, moved[:, planar], way(task, drawn).places[:, planar], task.cycles)
+    ax.set_aspect("equal")
 
 
 def _plane(task: Task) -> list[int]:
