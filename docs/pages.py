@@ -36,7 +36,7 @@ def api() -> dict[str, str]:
         for entry in names:
             module, name = entry.split(":")
             where = ELSEWHERE.get(name, f"{module}.{name}")
-            parts.append(f"## `comanip.{name}`\n\n::: {where}\n    options:\n      show_root_heading: false\n")
+            parts.append(f"::: {where}\n    options:\n      heading: comanip.{name}\n")
         pages[page_of(heading)] = "\n".join(parts)
     return pages
 

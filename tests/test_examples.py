@@ -14,7 +14,8 @@ SCRIPTS = sorted(EXAMPLES.glob("[0-9]*.py"))
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: p.stem)
 def test_an_example_runs_and_says_what_it_found(script, tmp_path):
-    done = subprocess.run([sys.executable, "-W", "error::DeprecationWarning", script], cwd=tmp_path, capture_output=True, text=True)
+    command = [sys.executable, "-W", "error::DeprecationWarning", script]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
 
