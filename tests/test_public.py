@@ -71,3 +71,33 @@ def test_a_value_says_what_matters():
     assert "follower" in repr(learn(lessons()))
     assert "3 lessons" in repr(learn(lessons()))
     assert "2 states over a" in repr(Hmm([1.0, 0.0], np.eye(2), [[0.0], [1.0]], np.ones((2, 1, 1)), ("a",)))
+
+
+SOCKETS = [comanip.Skill, comanip.Plant, comanip.Partner, comanip.HapticDevice]
+
+
+def undocumented(value) -> list[str]:
+    """Public methods and properties without a word; what a socket documents is documented for all who fill it."""
+    of_sockets = {name for socket in SOCKETS if socket is not value for name in vars(socket)}
+    found = []
+    for name, member in vars(value).items():
+        function = member.fget if isinstance(member, property) else getattr(member, "func", getattr(member, "__func__", member))
+        ours = inspect.isfunction(function) and not name.startswith("_") and name not in of_sockets
+        if ours and not inspect.getdoc(function):
+            found.append(f"{value.__name__}.{name}")
+    return found
+
+
+@pytest.mark.parametrize("name", [n for n in sorted(comanip._PUBLIC) if inspect.isclass(getattr(comanip, n))])
+def test_every_public_method_says_what_it_does(name):
+    assert undocumented(getattr(comanip, name)) == []
+
+
+def test_a_method_without_a_word_is_noticed():
+    class Silent:
+        """Says what it is, and not what it does."""
+
+        def act(self) -> None:
+            return None
+
+    assert undocumented(Silent) == ["Silent.act"]

@@ -105,9 +105,11 @@ class Recording(Passed):
         return float(max(t[-1] for t in stamps) - min(t[0] for t in stamps)) if stamps else 0.0
 
     def with_channels(self, more: Mapping[str, Channel]) -> Recording:
+        """The same with `more` channels by name; one of a name that is there already takes its place."""
         return Recording({**self.channels, **more}, self.metadata)
 
     def with_metadata(self, **more: Any) -> Recording:
+        """The same with `more` metadata; a key that is there already gets the new value."""
         return Recording(self.channels, {**self.metadata, **more})
 
 

@@ -40,6 +40,7 @@ class Fit(Generic[Model]):
 
     @property
     def n_iterations(self) -> int:
+        """Steps of EM that were taken."""
         return len(self.log_likelihood) - 1
 
     def __repr__(self) -> str:

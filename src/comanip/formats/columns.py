@@ -108,6 +108,7 @@ class Columns:
         return {kind: getattr(self, kind) for kind in NAME if getattr(self, kind)}
 
     def unit(self, kind: str) -> str | None:
+        """The unit that was stated for a kind of signal ("position", "force", ...); None where none was."""
         return getattr(self, f"{'force' if kind == 'sensor_force' else kind}_unit", None)
 
 

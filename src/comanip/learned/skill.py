@@ -72,10 +72,12 @@ class LearnedSkill(Passed):
 
     @property
     def has_force(self) -> bool:
+        """Whether the interaction force was learned, too."""
         return any(c.startswith("force.") for c in self.model.channels)
 
     @property
     def notes(self) -> tuple[str, ...]:
+        """What was derived, assumed, removed or suspicious on the way from file to skill, a sentence each."""
         return tuple(self.provenance.get("notes", ()))
 
 

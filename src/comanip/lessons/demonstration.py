@@ -83,6 +83,7 @@ class Demonstration(Passed):
 
     @property
     def duration_s(self) -> float:
+        """From the first frame to the last [s]."""
         return (len(self) - 1) * self.dt
 
     @property

@@ -45,6 +45,7 @@ class MVN:
         return bool(self.squared_mahalanobis_distance(x) <= squared_radius(alpha, len(x)))
 
     def squared_mahalanobis_distance(self, x: Any) -> float:
+        """Squared distance of x (D,) from the mean, in standard deviations."""
         mean, covariance = self._initialized()
         apart = np.asarray(x, dtype=np.float64) - mean
         return float(apart @ np.linalg.solve(np.atleast_2d(covariance), apart))

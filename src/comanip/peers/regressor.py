@@ -37,6 +37,7 @@ class GaussianMixtureRegressor(Estimator):
         self.init_params = init_params
 
     def fit(self, X: Any, y: Any) -> GaussianMixtureRegressor:
+        """Learns the joint density of X (N, Di) and y (N,) or (N, Do); returns itself."""
         x = checked_samples(X, self)
         if y is None:
             raise EstimatorError("requires y to be passed, but the target y is None")

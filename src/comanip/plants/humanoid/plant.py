@@ -145,6 +145,7 @@ class HumanoidPlant:
 
     @property
     def time(self) -> float:
+        """[s] since the reset."""
         return self._tick * PHYSICS_STEP_S
 
     def reset(self) -> None:
