@@ -6,10 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from comanip import kernels
-from comanip.models import hmm
+from comanip.fitting.baum_welch import Chain
+from comanip.fitting.coordinates import Lessons
+from comanip.fitting.hmm import fit_hmm, weights_of
+from comanip.models import chains, hmm
 from comanip.models.chains import log_of
-from comanip.models.hmm import Hmm, fit_hmm, sample
-from comanip.models.lessons import Lessons
+from comanip.models.gaussian import log_density
+from comanip.models.hmm import Hmm, sample
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
 
@@ -48,8 +51,8 @@ def test_what_the_filter_was_surprised_by_is_counted_once_and_whole(level):
 
 @pytest.mark.parametrize("single", [False, True])
 def test_pieces_that_agree_on_the_state_may_differ_in_surprise(level, single):
-    """Of the frame at the seam all know from what follows that it is in the last state. What came before had that at e^-53: to get
-    there a lesson must go through a state that is 12 standard deviations away. A piece that begins behind the way does not know."""
+    """Of the frame at the seam all know from what follows that it is in the last state. What came before had that at e^-53: to
+    get there a lesson must go through a state 12 standard deviations away. A piece that begins behind the way does not know."""
     transition = [[1.0 - 1e-9, 1e-9, 0.0], [0.0, 1.0 - 1e-9, 1e-9], [0.0, 0.0, 1.0]]
     model = Hmm([1.0, 0.0, 0.0], transition, [[0.0], [12.0], [1.5]], np.ones((3, 1, 1)), ("x",))
     cut = kernels.planned(np.array([6000]), single=single).plan.pieces
@@ -89,10 +92,10 @@ def test_likelihood_and_sums_of_lessons_with_dwell_equal_the_twins(seed, n_state
     got, expected = both(model, x)
     assert got == pytest.approx(expected, rel=1e-11)
     lessons = Lessons(x, np.array([length]), np.zeros(n_channels), np.ones(n_channels), model.channels)
-    chain = hmm.Chain(model.initial, model.transition, model.means, model.covariances)
-    log_b = hmm.log_density(x, model.means, model.covariances)[None]
-    twin = hmm.chains.expectations(log_b, lessons.lengths, log_of(model.initial), log_of(model.transition))
-    np.testing.assert_allclose(hmm._weights(chain, lessons), twin.weights, atol=1e-8)
+    chain = Chain(model.initial, model.transition, model.means, model.covariances)
+    log_b = log_density(x, model.means, model.covariances)[None]
+    twin = chains.expectations(log_b, lessons.lengths, log_of(model.initial), log_of(model.transition))
+    np.testing.assert_allclose(weights_of(chain, lessons), twin.weights, atol=1e-8)
 
 
 def resting_lessons(rng, n_lessons, n_rest):
