@@ -22,6 +22,9 @@ from .hmm import Hmm
 LEAST_EIGENVALUE = 1e-12  # of the inputs' correlation: below it an input repeats others and a gain would be rounding
 
 
+DEAD = 1e-13  # standard deviation over distance from zero: an input that varies less has only rounding to say
+
+
 class Conditional(NamedTuple):
     """mean (..., Do) and covariance (..., Do, Do) of the outputs given the inputs."""
 
@@ -46,6 +49,9 @@ def conditional_lines(
     if input_noise is not None:
         sigma_ii = sigma_ii + np.diag(input_noise)
     sigma_io = covariances[:, i[:, None], o[None, :]]
+    dead = np.einsum("kii->ki", sigma_ii) <= (DEAD * means[:, i]) ** 2
+    if dead.any():  # a locked axis: it says nothing, and what stands in for its covariances is rounding
+        sigma_ii, sigma_io = _without(sigma_ii, dead), np.where(dead[:, :, None], 0.0, sigma_io)
     sigma_oo = covariances[:, o[:, None], o[None, :]]
     gains = np.ascontiguousarray(np.swapaxes(_solve(sigma_ii, sigma_io), 1, 2))
     offsets = means[:, o] - np.einsum("koi,ki->ko", gains, means[:, i])
@@ -191,6 +197,12 @@ def _noise(noise: Mapping[str, float] | None, inputs: tuple[str, ...]) -> Array:
         for column in expand(name, inputs):
             variances[inputs.index(column)] = variance
     return variances
+
+
+def _without(sigma_ii: Array, dead: np.ndarray) -> Array:
+    """Input blocks (K, Di, Di) in which `dead` (K, Di) inputs are of variance 1 and alone."""
+    alone = np.where(dead[:, :, None] | dead[:, None, :], 0.0, sigma_ii)
+    return np.where(dead[:, :, None] & np.eye(dead.shape[1], dtype=bool), 1.0, alone)
 
 
 def _solve(sigma_ii: Array, sigma_io: Array) -> Array:
