@@ -39,8 +39,8 @@ def print_json(value: Any) -> None:
 @cache
 def say_if_slow() -> None:
     """Before learning, once: that nothing was compiled, for who wonders why it takes so long. Silent when numpy was asked for."""
-    if kernels.description == kernels.ABSENT:
-        print(f"note: {kernels.ABSENT.removeprefix('numpy: ')}", file=sys.stderr)
+    if kernels.missing:
+        print(f"note: {kernels.missing}", file=sys.stderr)
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], *, footer: Sequence[Any] | None = None) -> None:

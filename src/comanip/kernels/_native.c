@@ -7,9 +7,12 @@
  */
 
 #define PY_SSIZE_T_CLEAN
+#ifndef Py_GIL_DISABLED /* builds without the lock have no stable ABI */
 #define Py_LIMITED_API 0x030B0000
+#endif
 #include <Python.h>
 
+#include <float.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -17,6 +20,10 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+
+#if FLT_EVAL_METHOD != 0 /* the exponential rounds by adding 1.5 * 2^52, and a register of 80 bits keeps what should go */
+#error "numbers are computed with more digits than double has: on 32-bit x86 compile with -msse2 -mfpmath=sse"
+#endif
 
 #ifndef M_LN2
 #define M_LN2 0.693147180559945309417
