@@ -29,6 +29,7 @@ from .errors import BackendError, ParameterError
 
 BACKENDS = ("processes", "dask")
 PATIENCE_S = 10.0  # for a scheduler to answer, and for its first worker
+MOST_DEATHS = 4  # without a result between them: then the call is the cause
 AHEAD = 4  # calls a thread of the cluster that are handed out before their turn: enough that none waits, too few to fill memory
 
 _cluster: ContextVar[Any] = ContextVar("_cluster", default=None)
@@ -67,8 +68,8 @@ def backend(name: str = "processes", *, address: str | None = None) -> Iterator[
 def each(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], *, n_jobs: int = 1) -> Iterator[Any]:
     """function(*item) of every item, in order; n_jobs processes (−1: one a core), or the whole cluster of `backend`.
 
-    What a call raises is raised here, in its turn. A call whose worker dies is made again by another; a call that has lost four
-    workers is taken for the cause, and BackendError says so.
+    What a call raises is raised here, in its turn. A call whose worker dies is made again by another, here as on a cluster (and
+    with it, here, those that were under way); a call that has lost four workers is taken for the cause, and BackendError says so.
     """
     client = _cluster.get()
     if client is not None:
@@ -78,9 +79,45 @@ def each(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], *, n_job
     from joblib import Parallel, delayed
     from joblib.parallel import get_active_backend
 
-    comes_in_turn = getattr(get_active_backend()[0], "supports_return_generator", False)  # Ray's gives all at the end
+    here = get_active_backend()[0]
+    if type(here).__name__ == "LokyBackend":
+        return _in_processes(function, work, n_jobs)
+    comes_in_turn = getattr(here, "supports_return_generator", False)  # Ray's gives all at the end
     parallel = Parallel(n_jobs=n_jobs, return_as="generator" if comes_in_turn else "list")
     return iter(parallel(delayed(function)(*item) for item in work))
+
+
+def _in_processes(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], n_jobs: int) -> Iterator[Any]:
+    """Of this machine. joblib ends all with the first worker that dies and does not say whose call it held: what came out before is
+    kept, and the rest is begun again, from the first call that has no result."""
+    from joblib import Parallel, delayed
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    items, asked, done, deaths, last = iter(work), deque[tuple[Any, ...]](), 0, 0, -1
+
+    def ahead() -> Iterator[tuple[Any, ...]]:
+        """What is still without a result, then what was never asked for."""
+        yield from list(asked)
+        for item in items:
+            asked.append(item)
+            yield item
+
+    while True:
+        results = Parallel(n_jobs=n_jobs, return_as="generator")(delayed(function)(*item) for item in ahead())
+        try:
+            for result in results:
+                asked.popleft()
+                done += 1
+                yield result
+            return
+        except TerminatedWorkerError:
+            deaths = deaths + 1 if done == last else 1
+            last = done
+            if deaths >= MOST_DEATHS:
+                raise BackendError(
+                    f"workers died {deaths} times before call {done + 1} had a result; too little memory here? "
+                    f"Fewer at a time need less: n_jobs={max(abs(n_jobs) // 2, 1)}"
+                ) from None
 
 
 def _on_cluster(client: Any, function: Callable[..., Any], work: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
