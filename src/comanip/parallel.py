@@ -18,6 +18,7 @@ The bits are equal as long as all machines have one instruction set; COMANIP_KER
 
 from __future__ import annotations
 
+import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -88,8 +89,8 @@ def each(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], *, n_job
 
 
 def _in_processes(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], n_jobs: int) -> Iterator[Any]:
-    """Of this machine. joblib ends all with the first worker that dies and does not say whose call it held: what came out before is
-    kept, and the rest is begun again, from the first call that has no result."""
+    """Of this machine. joblib ends all with the first worker that dies and does not say whose call it held: what came out before
+    is kept, and the rest is begun again, from the first call that has no result."""
     from joblib import Parallel, delayed
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
@@ -103,11 +104,13 @@ def _in_processes(function: Callable[..., Any], work: Iterable[tuple[Any, ...]],
             yield item
 
     while True:
-        results = Parallel(n_jobs=n_jobs, return_as="generator")(delayed(function)(*item) for item in ahead())
+        results = Parallel(n_jobs=n_jobs, return_as="generator")(delayed(_outcome)(function, item) for item in ahead())
         try:
-            for result in results:
+            for result, error in results:
                 asked.popleft()
                 done += 1
+                if error is not None:
+                    raise error
                 yield result
             return
         except TerminatedWorkerError:
@@ -118,6 +121,15 @@ def _in_processes(function: Callable[..., Any], work: Iterable[tuple[Any, ...]],
                     f"workers died {deaths} times before call {done + 1} had a result; too little memory here? "
                     f"Fewer at a time need less: n_jobs={max(abs(n_jobs) // 2, 1)}"
                 ) from None
+
+
+def _outcome(function: Callable[..., Any], item: tuple[Any, ...]) -> tuple[Any, Exception | None]:
+    """What a call gives, or raises: joblib would end all with an error at once, before calls whose turn comes first."""
+    try:
+        return function(*item), None
+    except Exception as error:
+        error.add_note("in a worker: " + "".join(traceback.format_tb(error.__traceback__)))
+        return None, error
 
 
 def _on_cluster(client: Any, function: Callable[..., Any], work: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
