@@ -200,6 +200,7 @@ def _lesson(
         force_gain=coupling.force_gain,
         velocity_scale=coupling.velocity_scale,
         limits=coupling.limits,
+        carried=True,
     )
     metadata = {
         "role": role,
