@@ -272,7 +272,7 @@ class Teleoperation:
         self._handle_velocity[:] = self._sample
 
     def _is_frozen(self, sample: list[float]) -> bool:
-        """Whether a driver says the same over and over: a velocity, and the handle is where it was. Velocity 0 is a hand at rest."""
+        """Whether a driver says the same over and over: a velocity, and the handle is where it was. 0 is a hand at rest."""
         now = sample if self._place is None else sample + self._place.tolist()
         self._same_s = self._same_s + self._dt if any(sample) and now == self._sample_before else 0.0
         self._sample_before = now
