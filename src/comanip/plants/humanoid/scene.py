@@ -62,23 +62,13 @@ def build(robot: Robot, *, load_mass_kg: float, length_m: float) -> Scene:
         for name in joints:
             _drive(spec, robot, name)
         _sense(spec, robot)
-        return _indexed(_finite(spec.compile(), robot), robot, joints, load_mass_kg)
+        return _indexed(spec.compile(), robot, joints, load_mass_kg)
     except (ValueError, mujoco().FatalError, ElementTree.ParseError, OSError) as problem:
         if isinstance(problem, ParameterError):
             raise
         raise ParameterError(
             f"robot {robot.name!r}: {robot.model.name} is no model that compiles: {_in_one_line(problem)}"
         ) from None
-
-
-def _finite(model: Any, robot: Robot) -> Any:
-    """The model; MuJoCo reads "nan" as a number, and moves nothing from then on."""
-    for name in ("body_mass", "body_inertia", "body_pos", "body_quat", "body_ipos", "jnt_axis", "jnt_pos", "jnt_range"):
-        if not np.isfinite(values := getattr(model, name)).all():
-            row = int(np.argwhere(~np.isfinite(values))[0][0])
-            what = model.body(row).name if name.startswith("body") else model.joint(row).name
-            raise ParameterError(f"robot {robot.name!r}: {robot.model.name}: {name[4:].strip('_')} of {what!r} is not finite")
-    return model
 
 
 def ranges_of(model: Any, joints: Sequence[str]) -> Array:
