@@ -99,9 +99,20 @@ class Regression:
         self._flat_gains = np.ascontiguousarray(self.gains.reshape(self.offsets.size, len(i)))
         self._flat_offsets = self.offsets.reshape(-1).copy()
         self._lines = np.empty_like(self._flat_offsets)
+        self._link()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy takes over; what is compiled it makes anew over its own arrays."""
+        return {name: value for name, value in vars(self).items() if name not in ("_mean", "_lines_by_state")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._link()
+
+    def _link(self) -> None:
         self._lines_by_state = self._lines.reshape(self.offsets.shape)
         self._mean = None
-        if kernels.native is not None and len(i):
+        if kernels.native is not None and len(self.inputs):
             self._mean = kernels.native.Lines(self._flat_gains, self._flat_offsets, *self.gains.shape).mean
 
     def __repr__(self) -> str:
