@@ -170,7 +170,6 @@ GOOD = ARM.format(links=links())
         GOOD.replace('axis="0 1 0"', 'axis="0 0 0"'),
         GOOD.replace('<body name="link3"', '<body name="link2"'),
         "<mujoco>" * 3000,
-        GOOD.replace("</mujoco>", '<asset><mesh name="m" file="/nowhere/at_all.stl"/></asset></mujoco>'),
         GOOD.replace("</mujoco>", '<include file="arm.xml"/></mujoco>'),
     ],
     ids=lambda text: text[:20],
@@ -180,6 +179,13 @@ def test_a_model_that_is_none_is_one_line_that_names_it(tmp_path, arm):
         with pytest.raises(ParameterError, match=r"arm\.xml") as error:
             built(tmp_path, arm, geometry + TABLE)
         assert "\n" not in str(error.value)
+
+
+def test_a_mesh_that_is_not_there_is_named_unless_shapes_are_left_out(tmp_path):
+    arm = GOOD.replace("</mujoco>", '<asset><mesh name="m" file="/nowhere/at_all.stl"/></asset></mujoco>')
+    with pytest.raises(ParameterError, match=r"arm\.xml.*at_all\.stl"):
+        built(tmp_path, arm)
+    built(tmp_path, arm, "geometry = false\n" + TABLE)
 
 
 def test_a_model_that_kills_the_simulator_is_refused_by_a_process_that_may_die(table, monkeypatch):
