@@ -330,7 +330,7 @@ def test_a_bias_shows_through_a_noisy_velocity(seed, noise):
         demonstration(noisy_bias(seed, noise=noise))
 
 
-@pytest.mark.parametrize("angle", np.linspace(0.0, np.pi, 7))
+@pytest.mark.parametrize("angle", np.linspace(0.0, np.pi, 9))
 def test_a_bias_is_noticed_along_any_direction(angle):
     recording = noisy_bias(0, bias=1.8, axes=("x", "y"), direction=(np.cos(angle), np.sin(angle)))
     with pytest.warns(ComanipWarning, match="force at rest"):

@@ -140,6 +140,15 @@ def test_thousands_are_told_from_decimals(tmp_path, content):
     assert np.abs(lesson.force[:, 0] - TABLE[:, 2]).max() < 1e-4
 
 
+def test_commas_that_may_be_either_are_decimal_where_semicolons_part_the_cells_and_it_is_said(tmp_path):
+    (tmp_path / "a.csv").write_text(
+        "z;Fz\n" + "\n".join(f"{z:.3f};{k % 7}".replace(".", ",") for k, (_, z, _) in enumerate(1 + TABLE))
+    )
+    (recording,) = read(tmp_path / "a.csv", Columns(position="z", force="Fz", rate_hz=100))
+    assert np.abs(recording["hand.position"].values[:, 0] - 1 - TABLE[:, 1]).max() < 6e-4
+    assert "decimal commas read as points" in recording.metadata["notes"]
+
+
 def test_a_file_with_decimal_commas_and_points_is_refused_with_both(tmp_path):
     content = millimetres(lambda t, z, f: f"{t:.3f};{z / 1e3:.4f};{f:.4f}".replace(".", ",", 1))
     with pytest.raises(RecordingError, match=r"'0,000' has a decimal comma, '0.9000' a decimal point"):
