@@ -6,18 +6,22 @@ A format is recognised by its first bytes, then by its extension. Foreign column
 from __future__ import annotations
 
 import codecs
+import os
 from pathlib import Path
 
-from ..errors import ComanipError, ParameterError, RecordingError
+from ..errors import ParameterError, RecordingError, given
 from ..recording import Recording
 from .columns import Columns
+from .packed import packing, unpacked
 
 __all__ = ["Columns", "read", "write"]
 
 # A file is read whole and takes several times its size meanwhile: these keep that near half a gigabyte.
 MAX_BYTES = {"text": 48 << 20, "mcap": 96 << 20, "arrays": 256 << 20}
 _MCAP = b"\x89MCAP0\r\n"
-_ARRAYS = (b"\x93NUMPY", b"PK\x03\x04", b"MATLAB 5.0")
+_ARRAYS = (b"\x93NUMPY", b"PK\x03\x04", b"MATLAB ")
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_APPLE_DOUBLE = b"\x00\x05\x16\x07"
 _FOREIGN_TEXT = ("<", "{\\rtf", "%PDF", "%!PS")
 
 
@@ -30,17 +34,25 @@ def read(path: str | Path, columns: Columns | None = None, *, recover: bool = Fa
 
     Raises RecordingError for a file that cannot be read, ChannelError for a column that is not there.
     """
-    path, columns = Path(path), columns or Columns()
+    path, columns = _path(path), _columns(columns)
     try:
         if path.is_dir():
             return _read_directory(path, columns)
         return _read_bytes(path, _bytes(path), columns, recover)
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror or error}") from None
-    except ComanipError as error:
-        if "\n" not in str(error):
-            raise
-        raise type(error)(" ".join(str(error).splitlines())) from None  # a file name may hold a line break
+
+
+def _path(path: str | Path) -> Path:
+    if not isinstance(path, str | os.PathLike):
+        raise ParameterError(f"the path is {given(path)}; allowed: a path, as text or pathlib.Path; one file at a time")
+    return Path(path)
+
+
+def _columns(columns: Columns | None) -> Columns:
+    if columns is not None and not isinstance(columns, Columns):
+        raise ParameterError(f"columns is {given(columns)}; allowed: Columns(position='z', force='Fz', ...)")
+    return columns or Columns()
 
 
 def _bytes(path: Path) -> bytes:
@@ -51,7 +63,10 @@ def _bytes(path: Path) -> bytes:
         size, limit = path.stat().st_size, MAX_BYTES[kind]
         if size > limit:
             raise RecordingError(f"{path}: {size >> 20} MB; the limit for {kind} is {limit >> 20} MB: cut it into takes")
-        return head + stream.read()
+        data = head + stream.read()
+    if packing(data):
+        return unpacked(path, data, MAX_BYTES["text"])
+    return data
 
 
 def _read_bytes(path: Path, data: bytes, columns: Columns, recover: bool) -> tuple[Recording, ...]:
@@ -60,22 +75,40 @@ def _read_bytes(path: Path, data: bytes, columns: Columns, recover: bool) -> tup
 
     if not data:
         raise RecordingError(f"{path}: no frames: the file is empty")
+    if data.startswith(_APPLE_DOUBLE):
+        raise RecordingError(f"{path}: macOS's note beside a file (AppleDouble), no recording; leave it out")
     if data.startswith(_MCAP[: min(len(data), 8)]) and data[:1] == _MCAP[:1]:
         from .mcap_file import read_mcap
 
         return (remapped(path, read_mcap(path, data, recover=recover), columns),)
-    if data.startswith(b"\x93NUMPY") or (data.startswith(b"PK\x03\x04") and path.suffix.lower() == ".npz"):
-        return assemble(read_numpy(path), columns)
-    if data.startswith(b"MATLAB 5.0") or (path.suffix.lower() == ".mat" and not data.startswith(b"\x89HDF")):
-        return assemble(read_mat(path), columns)
-    if data.startswith(b"\x89HDF"):
-        raise RecordingError(f"{path}: HDF5 (MATLAB 7.3?) is not read; save it with -v7, or as CSV")
-    from .csv_file import SIGNATURE, CsvTable, read_own_csv
+    suffix = _inner_suffix(path)
+    if data.startswith(b"\x93NUMPY") or (data.startswith(b"PK\x03\x04") and suffix == ".npz"):
+        return assemble(read_numpy(path, data), columns)
+    if data[512:520] == _HDF5 or (data.startswith(_HDF5) and suffix == ".mat"):
+        from .mat73_file import read_mat73
+
+        return assemble(read_mat73(path), columns)
+    if data.startswith(b"MATLAB 5.0") or (suffix == ".mat" and not _is_text(data)):
+        return assemble(read_mat(path, data), columns)
+    if data.startswith(_HDF5):
+        raise RecordingError(f"{path}: HDF5 is not read; save it as MCAP, CSV or .npz")
+    from .csv_file import CsvTable, is_own, read_own_csv
 
     text = _text(path, data)
-    if text.startswith(SIGNATURE):
+    if is_own(text):
         return (remapped(path, read_own_csv(path, text), columns),)
     return assemble(CsvTable(path, text), columns)
+
+
+def _inner_suffix(path: Path) -> str:
+    """The extension, below that of a packer: ".npy" of lift.npy.gz."""
+    suffix = path.suffix.lower()
+    return path.with_suffix("").suffix.lower() if suffix in (".gz", ".bz2", ".xz", ".zst") else suffix
+
+
+def _is_text(data: bytes) -> bool:
+    """Whether a .mat holds a table (save -ascii) rather than MATLAB's own layout."""
+    return not data[:512].translate(None, b"0123456789+-.eEdDnNaAiIfF,; \t\r\n")
 
 
 def _text(path: Path, data: bytes) -> str:
@@ -92,18 +125,21 @@ def _text(path: Path, data: bytes) -> str:
 
 
 def _read_directory(path: Path, columns: Columns) -> tuple[Recording, ...]:
-    from .assemble import assemble
+    from .assemble import assemble, title_of
     from .csv_file import CsvDirectory, CsvTable
 
-    files = sorted(p for p in path.iterdir() if p.suffix.lower() in (".csv", ".tsv"))
+    found = sorted(p for p in path.iterdir() if _inner_suffix(p) in (".csv", ".tsv"))
+    files = [p for p in found if not p.name.startswith(("._", ".~lock"))]  # macOS's and LibreOffice's notes beside a file
     if not files:
         raise RecordingError(f"{path}: a directory without .csv files; name a file, or a directory of CSV files")
-    return assemble(CsvDirectory(path, {f.stem: CsvTable(f, _text(f, _bytes(f))) for f in files}), columns)
+    return assemble(CsvDirectory(path, {title_of(f): CsvTable(f, _text(f, _bytes(f))) for f in files}), columns)
 
 
 def write(recording: Recording, path: str | Path) -> None:
     """Stores a recording as .mcap (exact to 1 ns in time) or .csv (exact)."""
-    path = Path(path)
+    path = _path(path)
+    if not isinstance(recording, Recording):
+        raise ParameterError(f"got {given(recording)} to write; allowed: a Recording")
     suffix = path.suffix.lower()
     if suffix not in (".mcap", ".csv"):
         raise ParameterError(f"{path}: no format for {suffix or 'a name without extension'!r}; allowed: .mcap, .csv")
