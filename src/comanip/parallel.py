@@ -18,8 +18,14 @@ The bits are equal as long as all machines have one instruction set; COMANIP_KER
 
 from __future__ import annotations
 
+import os
+import signal
+import sys
+import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
@@ -29,6 +35,7 @@ from .errors import BackendError, ParameterError
 
 BACKENDS = ("processes", "dask")
 PATIENCE_S = 10.0  # for a scheduler to answer, and for its first worker
+ORPHANED_S = 0.25  # after which a worker notices that whoever asked for its work is gone
 AHEAD = 4  # calls a thread of the cluster that are handed out before their turn: enough that none waits, too few to fill memory
 
 _cluster: ContextVar[Any] = ContextVar("_cluster", default=None)
@@ -67,8 +74,9 @@ def backend(name: str = "processes", *, address: str | None = None) -> Iterator[
 def each(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], *, n_jobs: int = 1) -> Iterator[Any]:
     """function(*item) of every item, in order; n_jobs processes (−1: one a core), or the whole cluster of `backend`.
 
-    What a call raises is raised here, in its turn. A call whose worker dies is made again by another; a call that has lost four
-    workers is taken for the cause, and BackendError says so.
+    What a call raises is raised here, in its turn. On a cluster a call whose worker dies is made again by another; a call that
+    has lost four workers is taken for the cause, and BackendError says so, as it does at once for a process of this machine.
+    Processes of this machine do not hear Control-C, which is for whoever asked for the work, and end when that one is gone.
     """
     client = _cluster.get()
     if client is not None:
@@ -80,7 +88,64 @@ def each(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], *, n_job
 
     comes_in_turn = getattr(get_active_backend()[0], "supports_return_generator", False)  # Ray's gives all at the end
     parallel = Parallel(n_jobs=n_jobs, return_as="generator" if comes_in_turn else "list")
-    return iter(parallel(delayed(function)(*item) for item in work))
+    calls = (delayed(_of_parent)(os.getpid(), function, item) for item in work)
+    if not comes_in_turn:
+        return iter(parallel(calls))
+    with deaf():
+        results = parallel(calls)
+    return _in_turn(results)
+
+
+def _in_turn(results: Iterator[Any]) -> Iterator[Any]:
+    try:
+        yield from results
+    except BrokenProcessPool as error:
+        raise BackendError(
+            f"a worker process died ({type(error).__name__}): out of memory, or killed from outside; use fewer workers"
+        ) from None
+
+
+@contextmanager
+def deaf() -> Iterator[None]:
+    """Processes that are started meanwhile never hear Control-C: they inherit the mask. One that comes is delivered after it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _of_parent(parent: int, function: Callable[..., Any], item: tuple[Any, ...]) -> Any:
+    end_with(parent)
+    return function(*item)
+
+
+_watching: list[int] = []
+
+
+def end_with(parent: int) -> None:
+    """Called in a child: it ends soon after its parent, be it by kill -9. Elsewhere (a thread, another machine) nothing."""
+    if _watching or os.getpid() == parent or os.getppid() != parent or sys.platform == "win32":
+        return
+    _watching.append(parent)
+    threading.Thread(target=_wait_for_end, args=(parent,), daemon=True).start()
+
+
+def _wait_for_end(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(ORPHANED_S)
+    os._exit(1)
+
+
+def end_workers() -> None:
+    """Ends the processes of this machine that `each` started, whatever they are at."""
+    loky = sys.modules.get("joblib.externals.loky.reusable_executor")
+    executor = getattr(loky, "_executor", None)
+    if executor is not None:
+        executor.shutdown(wait=True, kill_workers=True)
 
 
 def _on_cluster(client: Any, function: Callable[..., Any], work: Iterable[tuple[Any, ...]]) -> Iterator[Any]:

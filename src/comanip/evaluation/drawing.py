@@ -23,9 +23,11 @@ from ..models.gaussian import marginal
 from ..models.gmm import Gmm
 from ..models.hmm import Hmm
 from ..recording import Recording
+from ..whole_file import write_whole
 
 SUFFIXES = (".png", ".svg", ".pdf")
 DPI = 160
+SIGNATURE = "comanip"
 
 # five colours that also differ in lightness, darkest first; used in this order
 INK, CLAY, SEA, SAND, ASH = "#14213d", "#c8553d", "#2a9d8f", "#e9b44c", "#9aa0a6"
@@ -401,10 +403,11 @@ def save(figure: Any, path: str | Path) -> Path:
         raise ParameterError(
             f"{path.name}: cannot draw into {path.suffix or 'a name without suffix'!r}; allowed: {', '.join(SUFFIXES)}"
         )
-    path.parent.mkdir(parents=True, exist_ok=True)
+    drawn = io.BytesIO()
     with taste():
         _settle(figure)
-        figure.savefig(path, dpi=DPI, metadata=_undated(path.suffix.lower()))
+        figure.savefig(drawn, format=path.suffix.lower()[1:], dpi=DPI, metadata=_signed(path.suffix.lower()))
+    write_whole(path, drawn.getvalue())
     return path
 
 
@@ -420,8 +423,14 @@ def _settle(figure: Any) -> None:
         ax.set_position([round(v, 4) for v in ax.get_position(original=True).bounds])
 
 
-def _undated(suffix: str) -> dict[str, Any]:
-    return {".svg": {"Date": None}, ".pdf": {"CreationDate": None}, ".png": {}}[suffix]
+def _signed(suffix: str) -> dict[str, Any]:
+    """What a picture says of itself: who drew it, so that it may be drawn again, and no date, so that it is the same again."""
+    by_suffix: dict[str, dict[str, Any]] = {
+        ".svg": {"Date": None, "Creator": SIGNATURE},
+        ".pdf": {"CreationDate": None, "Creator": SIGNATURE},
+        ".png": {"Software": SIGNATURE},
+    }
+    return by_suffix[suffix]
 
 
 def to_svg(figure: Any) -> str:
@@ -429,7 +438,7 @@ def to_svg(figure: Any) -> str:
     text = io.StringIO()
     with taste():
         _settle(figure)
-        figure.savefig(text, format="svg", metadata=_undated(".svg"))
+        figure.savefig(text, format="svg", metadata=_signed(".svg"))
     whole = text.getvalue()
     return whole[whole.index("<svg") :]
 

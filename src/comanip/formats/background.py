@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -11,6 +12,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from ..errors import RecordingError
+from ..parallel import deaf, end_with
 from ..recording import Recording
 from . import write
 
@@ -34,10 +36,17 @@ def writing() -> Iterator[Callable[[Recording, Path], None]]:
 
     def store(recording: Recording, path: Path) -> None:
         settle(1)
-        waiting.append((path, other.submit(write, recording, path)))
+        with deaf():
+            waiting.append((path, other.submit(write, recording, path)))
 
-    with ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as other:
+    with ProcessPoolExecutor(1, get_context("spawn"), _begin, (os.getpid(),)) as other:
         try:
             yield store
         finally:  # what could not be stored is said, whatever else went wrong
             settle(0)
+
+
+def _begin(parent: int) -> None:
+    """Of the other process: Control-C is not for it, and it does not outlive the one that records."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with(parent)

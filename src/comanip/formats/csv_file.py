@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import ChannelError, RecordingError
 from ..interfaces import Array
 from ..recording import Channel, Recording
+from ..whole_file import write_whole
 from .columns import UNITS, sign_and_name, unit_in, unknown
 
 SIGNATURE = "# comanip recording "
@@ -199,11 +200,12 @@ def write_csv(recording: Recording, path: Path) -> None:
             for i, value in zip(at.tolist(), values.tolist(), strict=True):
                 column[i] = repr(value)
             columns.append(column)
-    with path.open("w", encoding="utf-8", newline="") as out:
-        out.write(f"{SIGNATURE}{head}\n")
-        writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(["time", *(f"{n}.{a}" for n, c in recording.channels.items() for a in c.axes)])
-        writer.writerows(zip(*columns, strict=True))
+    out = io.StringIO(newline="")
+    out.write(f"{SIGNATURE}{head}\n")
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["time", *(f"{n}.{a}" for n, c in recording.channels.items() for a in c.axes)])
+    writer.writerows(zip(*columns, strict=True))
+    write_whole(path, out.getvalue())
 
 
 def read_own_csv(path: Path, text: str) -> Recording:

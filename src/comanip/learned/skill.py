@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -14,6 +14,7 @@ from .. import __version__
 from ..errors import ChannelError, MismatchError, ParameterError
 from ..fitting.hmm import fit_hmm
 from ..interfaces import Array
+from ..lessons.agreement import check_role
 from ..lessons.demonstration import Demonstration, check_set, require
 from ..models.clock import learn_clock
 from ..models.gmm import Gmm
@@ -94,16 +95,20 @@ def learn(
     rng: np.random.Generator | None = None,
     covariance_floor: float = 1e-4,
     settings: Mapping[str, Any] | None = None,
+    allow_constant: float | Mapping[str, float] | None = None,
 ) -> LearnedSkill:
     """A skill from several lessons of one role; milliseconds for five lessons of a few seconds.
 
     n_states   default 10 (law "default") or 5 (law "paper"); `fitting.selection.select_states` chooses by data
-    role       must agree with what the lessons say of themselves; None takes their word
+    role       "leader", "follower" or "natural": stated for lessons that state none, must agree with those that do; None takes
+               their word
+    allow_constant  standard deviation of channels that never change, one number or by channel; they are refused otherwise
     with_force False learns position and velocity only (the paper's footnote 3)
 
     Raises TrainingError, ChannelError or RecordingError that name the lesson and what to do.
     """
-    lessons = list(demonstrations)
+    check_role(role)
+    lessons = [replace(lesson, role=role) if role and not lesson.role else lesson for lesson in demonstrations]
     if law not in LAWS:
         raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
     groups = ("position", "force", "velocity") if with_force else ("position", "velocity")
@@ -121,6 +126,7 @@ def learn(
         restarts=restarts,
         rng=rng,
         covariance_floor=covariance_floor,
+        allow_constant=allow_constant,
     )
     notes.extend(fit.notes)
     notes.extend(stability_notes(fit.model, law, role or lessons[0].role, settings or {}))

@@ -14,6 +14,7 @@ from ..fitting.baum_welch import Chain
 from ..fitting.hmm import weights_of
 from ..fitting.streaming import Progress, Read, Source, fit_stream
 from ..interfaces import Array
+from ..lessons.agreement import check_role
 from ..models.clock import PHASE
 from ..models.gaussian import floored
 from ..models.gmm import Gmm
@@ -45,6 +46,7 @@ def learn_stream(
     read      path -> pieces, lists of (T, D) in the order of `channels`: position.*, force.* (or none), velocity.*
     dt        period of all lessons [s]; nothing here can check it
     """
+    check_role(role)
     if law not in LAWS:
         raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
     axes = tuple(c.split(".")[1] for c in channels if c.startswith("position."))

@@ -7,11 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import ChannelError, RecordingError
+from ..errors import ChannelError, ParameterError, RecordingError
 from .faults import suspect
 
 if TYPE_CHECKING:
     from .demonstration import Demonstration
+
+
+ROLES = ("leader", "follower", "natural")  # what a hand may have been taught; natural: nobody was told a role
+
+
+def check_role(role: str | None) -> None:
+    """Raises ParameterError for a role that nobody can have; None and "" say that none is stated."""
+    if role and role not in ROLES:
+        raise ParameterError(f"role {role!r} is unknown; roles are: {', '.join(ROLES)}")
 
 
 def missing(name: str, signals: Iterable[str], where: str) -> str:

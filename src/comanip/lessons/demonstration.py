@@ -15,7 +15,7 @@ from ..interaction import Payload, gravity_along, interaction_force
 from ..interfaces import Array
 from ..recording import Channel, Passed, Recording, expand, frozen
 from ..signals.filters import MAX_CUTOFF, differentiate, integrate, smooth
-from .agreement import check_set, missing, require
+from .agreement import check_role, check_set, missing, require
 from .faults import (
     MAX_RATE_RATIO,
     Plausible,
@@ -160,6 +160,7 @@ class Preparation:
     plausible: Plausible | None = field(default_factory=Plausible)
 
     def __post_init__(self) -> None:
+        check_role(self.role)
         if self.rate_hz is not None and not 0.0 < self.rate_hz <= 50_000.0:
             raise ParameterError(f"rate_hz is {self.rate_hz:g}; allowed: 0 < rate_hz <= 50000 Hz")
         if not self.cutoff_hz > 0.0:
