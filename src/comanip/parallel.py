@@ -86,9 +86,12 @@ def each(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], *, n_job
     from joblib import Parallel, delayed
     from joblib.parallel import get_active_backend
 
-    comes_in_turn = getattr(get_active_backend()[0], "supports_return_generator", False)  # Ray's gives all at the end
-    parallel = Parallel(n_jobs=n_jobs, return_as="generator" if comes_in_turn else "list")
-    calls = (delayed(_of_parent)(os.getpid(), function, item) for item in work)
+    active = get_active_backend()[0]
+    comes_in_turn = getattr(active, "supports_return_generator", False)  # Ray's gives all at the end
+    own = type(active).__name__ == "LokyBackend"  # processes that are started here; others are somebody else's
+    begin = {"initializer": end_with, "initargs": (os.getpid(),)} if own else {}
+    parallel = Parallel(n_jobs=n_jobs, return_as="generator" if comes_in_turn else "list", **begin)
+    calls = (delayed(function)(*item) for item in work)
     if not comes_in_turn:
         return iter(parallel(calls))
     with deaf():
@@ -118,19 +121,11 @@ def deaf() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _of_parent(parent: int, function: Callable[..., Any], item: tuple[Any, ...]) -> Any:
-    end_with(parent)
-    return function(*item)
-
-
-_watching: list[int] = []
-
-
 def end_with(parent: int) -> None:
-    """Called in a child: it ends soon after its parent, be it by kill -9. Elsewhere (a thread, another machine) nothing."""
-    if _watching or os.getpid() == parent or os.getppid() != parent or sys.platform == "win32":
+    """What a child process begins with: it ends soon after its parent, be it by kill -9, and hears no Control-C."""
+    if os.getpid() == parent or sys.platform == "win32":  # Windows tells of no parent that has gone
         return
-    _watching.append(parent)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_wait_for_end, args=(parent,), daemon=True).start()
 
 

@@ -93,7 +93,8 @@ def _say(text: str) -> None:
 @contextmanager
 def _listening() -> Iterator[None]:
     """Control-C is remembered, raised, and raised again where a destructor swallows it."""
-    if threading.current_thread() is not threading.main_thread():
+    ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # nohup, or in the background
+    if ignored or threading.current_thread() is not threading.main_thread():
         yield
         return
     hooks = sys.unraisablehook

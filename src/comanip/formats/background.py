@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -39,14 +38,8 @@ def writing() -> Iterator[Callable[[Recording, Path], None]]:
         with deaf():
             waiting.append((path, other.submit(write, recording, path)))
 
-    with ProcessPoolExecutor(1, get_context("spawn"), _begin, (os.getpid(),)) as other:
+    with ProcessPoolExecutor(1, get_context("spawn"), end_with, (os.getpid(),)) as other:
         try:
             yield store
         finally:  # what could not be stored is said, whatever else went wrong
             settle(0)
-
-
-def _begin(parent: int) -> None:
-    """Of the other process: Control-C is not for it, and it does not outlive the one that records."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with(parent)
