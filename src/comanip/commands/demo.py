@@ -24,6 +24,7 @@ from .ending import keeping
 from .outputs import may_fill, must_draw
 from .running import LESSON_RATE_HZ, best_plant
 from .trying import summary
+from .words import WORDS
 
 PARTNERS = 24  # a role and law, on the exact beam; `comanip trial` runs as many as wanted
 IN_PHYSICS = 4  # a role, on the humanoid
@@ -81,7 +82,9 @@ def demo(out: Path, seed: int, plant: str | None, overwrite: bool, json: bool) -
         "skills": figures.skills(skills),
         **{f"{role}": figures.reproduction(shown[role][1], title=f"Robot as {role}") for role in ROLES},
     }
-    page = report.page(results, {name: figures.to_svg(f) for name, f in pictures.items()}, {r: shown[r][:2] for r in ROLES})
+    drawn = {name: figures.to_svg(f) for name, f in pictures.items()}
+    words = {name: WORDS[name] for name in ("effort", "told nothing", "residual force", "ripple", "one-step R²", "free run")}
+    page = report.page(results, drawn, {r: shown[r][:2] for r in ROLES}, words=words)
     target = out / "report.html"
     write_whole(target, page)
     results["report"] = str(target)

@@ -165,7 +165,9 @@ def reproduce(
     if plot is not None:
         from ..evaluation import drawing as figures
 
-        figures.save(figures.reproduction(recording, title=f"{path.stem}, law {result['law']}"), plot)
+        stems = " and ".join(one.stem for one in paths)
+        told_it = ", told nothing" if role == "auto" else ""
+        figures.save(figures.reproduction(recording, title=f"{stems}{told_it}, law {result['law']}"), plot)
         result["picture"] = str(plot)
     if json:
         print_json(result)
