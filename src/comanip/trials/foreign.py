@@ -94,7 +94,7 @@ class Foreign:
 
 def _where(error: Exception, path: str) -> str:
     """What was raised, and the last line of the file that had a part in it."""
-    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename) == Path(path)]
+    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).resolve() == Path(path).resolve()]
     what = str(error) or ("more than is allowed" if isinstance(error, MemoryError) else "no message")
     return f"{type(error).__name__}: {what}" + (f" (line {lines[-1]})" if lines else "")
 
