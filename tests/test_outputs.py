@@ -225,6 +225,15 @@ def test_tables_name_the_unit_of_the_axis(tmp_path):
     assert "median" in done.stdout
 
 
+def test_metres_and_radians_are_not_added_in_a_table():
+    from comanip.commands.units import scale_of, unit_of
+
+    units = {"position": "m, m, rad"}
+    assert [scale_of(unit_of(units, "position", i, "m")).unit for i in range(3)] == ["cm", "cm", "mrad"]
+    assert scale_of(units["position"]).shown(1.0) == "-"
+    assert scale_of("m, m").shown(0.5) == "50.00"
+
+
 def test_a_run_is_told_in_words_and_units(folder):
     told = comanip("reproduce", "follower.json", "--seed", 3, cwd=folder).stdout
     assert told.splitlines()[0] == "follower.json, as follower, law default, with the partner of seed 3: succeeded"

@@ -349,15 +349,20 @@ def _print_skill(result: dict[str, Any]) -> None:
         f"{len(result['lessons'])} lessons at {result['rate_hz']:g} Hz"
     )
     channels = result["channels"]
-    answer = slope_scale(result["units"].get("velocity", "m/s"), result["units"].get("force", "N"))
+    own = [
+        (unit_of(result["units"], "velocity", i, "m/s"), unit_of(result["units"], "force", i, "N"))
+        for i in range(len(result["axes"]))
+    ]
+    answers = [slope_scale(*one) for one in own]
+    answer = ", ".join(dict.fromkeys(one.unit for one in answers))
     rows = []
     for s in result["states"]:
         cells = [f"{s['mean'][c]:+.3f} ± {s['std'][c]:.3f}" for c in channels]
         slope = s["velocity_per_force"]
-        along = " ".join(f"{answer.factor * row[i]:+.1f}" for i, row in enumerate(slope or ()))
+        along = " ".join(f"{one.factor * row[i]:+.1f}" for i, (one, row) in enumerate(zip(answers, slope or (), strict=False)))
         gains = " ".join(g if isinstance(g, str) else f"{g:.2g}" for g in list(s["loop_gain"].values())[-1:])
         rows.append((s["state"], *cells, along, f"{s['contraction_per_s']:+.2g}", gains))
-    table("States", ("state", *channels, f"∂v/∂F {answer.unit}", "∂v/∂x 1/s", "loop gain"), rows)
+    table("States", ("state", *channels, f"∂v/∂F {answer}", "∂v/∂x 1/s", "loop gain"), rows)
     for line in explained(("∂v/∂F", "∂v/∂x", "loop gain")):
         say(line)
     print_notes(result["notes"])

@@ -14,6 +14,8 @@ class Scale(NamedTuple):
     digits: int = 1
 
     def shown(self, value: float) -> str:
+        if not self.factor:  # metres and radians together: no number would mean anything
+            return "-"
         return f"{self.factor * value:.{self.digits}f}"
 
 
@@ -26,7 +28,11 @@ _SCALES = {
 
 
 def scale_of(unit: str) -> Scale:
-    """For the axis' own unit; one that is not known is shown as it is."""
+    """For the axis' own unit; one that is not known is shown as it is, and of several kinds together nothing is."""
+    kinds = list(dict.fromkeys(part.strip() for part in unit.split(",")))
+    if len(kinds) > 1:
+        return Scale(0.0, "of all axes")
+    unit = kinds[0]
     return _SCALES.get(unit, Scale(1.0, unit or "(no unit)", 4))
 
 
