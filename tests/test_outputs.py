@@ -92,7 +92,10 @@ def test_what_comanip_made_is_recognised(tmp_path, skills):
 
 def test_a_file_is_whole_or_the_old_one(tmp_path, monkeypatch):
     file = tmp_path / "a.png"
+    write_whole(file, b"older")
+    first = file.stat().st_ino
     write_whole(file, b"old")
+    assert file.stat().st_ino != first  # another file has taken its place: nobody ever reads half of one
     monkeypatch.setattr("comanip.whole_file.os.fsync", lambda fd: (_ for _ in ()).throw(OSError(28, "No space left on device")))
     with pytest.raises(OSError, match=r"a\.png"):
         write_whole(file, b"new")
