@@ -33,6 +33,8 @@ bench: .venv-bench/.ready
 	touch $@
 
 $(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "comanip needs Python 3.11 or newer; $(PYTHON) is \
+	$$($(PYTHON) --version 2>/dev/null || echo absent). Try: make $(MAKECMDGOALS) PYTHON=python3.12" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.demo: pyproject.toml | $(BIN)/python

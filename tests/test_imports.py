@@ -19,6 +19,7 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
     "interfaces": set(),
     "kernels": {"errors"},
     "whole_file": set(),
+    "shown": set(),
     "moved": set(),
     "cli": {"commands"},
     "__main__": {"commands"},
@@ -27,7 +28,7 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
     "parallel": {"errors", "__version__"},
     "interaction": BASE,
     "loop": BASE,
-    "formats": BASE,
+    "formats": {*BASE, "parallel", "whole_file"},
     "lessons": {*BASE, "formats", "interaction"},
     "models": BASE,
     "fitting": {*BASE, "models", "parallel", "whole_file"},
@@ -40,7 +41,7 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
     "devices": BASE,
     "plants": {*BASE, "people"},
     "teaching": {*BASE, "devices", "interaction", "loop", "people", "plants", "skills"},
-    "evaluation": {*BASE, "learned", "lessons", "loop", "models", "people", "plants", "skills"},
+    "evaluation": {*BASE, "learned", "lessons", "loop", "models", "people", "plants", "skills", "shown", "whole_file"},
     "trials": {
         *BASE,
         "evaluation",
@@ -54,7 +55,7 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
         "safety",
         "skills",
     },
-    "web": {*BASE, "trials"},
+    "web": {*BASE, "trials", "shown"},
 }
 LEAVES = {"commands", "experiments", "__init__"}  # may import anything, and nothing imports them
 LOOSE = 12  # modules at the top of the house, at most

@@ -147,6 +147,13 @@ def run(
     return recorder.recording({**(metadata or {}), **notice, "stop_reason": reason, "dt_s": plant.dt})
 
 
+def unbroken(recording: Recording) -> Recording:
+    """The recording of a run that nobody interrupted; otherwise Control-C goes on to whoever has more to run."""
+    if recording.metadata["stop_reason"] == "interrupted":
+        raise KeyboardInterrupt
+    return recording
+
+
 def _layout(plant: Plant, skill: Skill, observed: Sequence[str]) -> dict[str, tuple[int, str, tuple[str, ...]]]:
     d, axes = len(plant.axes), tuple(plant.axes)
     layout = {f"hand.{name}": (d, _OBSERVED[name], axes) for name in observed}

@@ -17,7 +17,8 @@ from ..recording import Recording
 from .flags import DataFlags
 
 NOT_FOR_PARQUET = ("sensor_force", "time", "resample_hz", "extra", "position_unit", "velocity_unit", "force_unit", "time_unit",
-                   "load_mass_kg", "trim_rest_s", "drop_bad", "split_gaps")  # fmt: skip
+                   "load_mass_kg", "trim_rest_s", "drop_bad", "split_gaps", "tare",
+                   "force_bias_n", "integrate_position")  # fmt: skip
 
 
 def columns_of(flags: DataFlags) -> Columns:
@@ -50,6 +51,8 @@ def read_recordings(files: Sequence[Path], flags: DataFlags) -> list[Recording]:
     for file in files:
         if not file.exists():
             raise RecordingError(f"{file}: no such file or folder")
+        if file.suffix.lower() == ".json":
+            raise RecordingError(f"{file}: a .json file is a skill, no recording")
     columns = columns_of(flags)
     return [recording for file in files for recording in read(file, columns, recover=flags.recover)]
 
@@ -96,8 +99,20 @@ def reader_of(
     return ParquetShards(columns), tuple(columns), 1.0 / rate
 
 
+def _numbers(flag: str, given: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in given.split(","))
+    except ValueError:
+        raise ParameterError(f"{flag} {given!r}: give numbers, for example 4.0 or 0,0,4.0") from None
+
+
 def preparation_of(flags: DataFlags, min_frames: int = 4) -> Preparation:
+    asked: dict[str, Any] = {"plausible": None} if flags.any_size else {}
+    asked |= {"tare": True} if flags.tare else {}
+    asked |= {"force_bias_n": _numbers("--force-bias-n", flags.force_bias_n)} if flags.force_bias_n else {}
     return Preparation(
+        **asked,
+        integrate_position=flags.integrate_position,
         rate_hz=flags.resample_hz,
         cutoff_hz=flags.cutoff_hz,
         trim_rest_s=flags.trim_rest_s,

@@ -14,12 +14,16 @@ from ..learned import file as skill_file
 from ..learned.skill import LearnedSkill
 from ..trials import LAWS, Case, Verdict, draw_case, partner_of, run_cases, success_interval
 from ..trials.cases import ROLES
-from ..trials.foreign import PartnersFrom
+from ..trials.foreign import PartnersFrom, bounds_memory
 from ..trials.running import one_run
-from .console import print_json, progress, table
+from .console import note, print_json, progress, say, table
+from .ending import keeping
+from .outputs import may_fill, must_draw
 from .running import taught
+from .words import explained
 
 WORST = 10
+LIFTS = ("z",)
 
 
 def trial(
@@ -33,6 +37,7 @@ def trial(
     misbehaving: float,
     pictures: Path | None,
     workers: int,
+    overwrite: bool,
     json: bool,
 ) -> None:
     if unknown := sorted(set(laws) - set(LAWS)):
@@ -41,13 +46,22 @@ def trial(
         raise ParameterError(f"--misbehaving is a share of the partners, 0 to 1; got {misbehaving}")
     if partners < 1:
         raise ParameterError(f"--partners must be at least 1; got {partners}")
+    if workers < 0:
+        raise ParameterError(f"--workers must be 0 (one a core) or more; got {workers}")
+    if pictures is not None:
+        must_draw("--pictures")
+        may_fill(pictures, (picture_name(r, w, n + 1) for r in roles for w in laws for n in range(WORST)), overwrite=overwrite,
+                 flag="--pictures")  # fmt: skip
+    if partners_from is not None and not bounds_memory():
+        note("what a partner of yours allocates cannot be bounded on this system")
     skills = _skills(roles, laws, files)
-    people = PartnersFrom(str(partners_from)) if partners_from is not None else partner_of
+    people = PartnersFrom(str(partners_from), bounded=True) if partners_from is not None else partner_of
     results: dict[str, dict[str, Any]] = {}
     for role in roles:
         rng = np.random.default_rng([seed, ROLES.index(role)])
         cases = [draw_case(role, rng, misbehaving=misbehaving) for _ in range(partners)]
         for law in laws:
+            keeping("a trial is told when it is over; nothing was written")
             with progress(f"{role}, {law}") as report:
                 verdicts = run_cases(cases, skills, law, plant=plant, workers=workers, partner=people, progress=report)
             results.setdefault(role, {})[law] = summary(verdicts, cases)
@@ -58,6 +72,9 @@ def trial(
         return
     for role, by_law in results.items():
         _print(role, by_law, partners, seed, plant)
+    words = ["effort", "peak", "end", "ripple", "LDLJ", *(["told nothing", "role right"] if "auto" in results else [])]
+    for line in explained(words):
+        say(line)
 
 
 def _skills(roles: Sequence[str], laws: Sequence[str], files: Sequence[Path]) -> dict[str, LearnedSkill]:
@@ -67,13 +84,24 @@ def _skills(roles: Sequence[str], laws: Sequence[str], files: Sequence[Path]) ->
         learned = skill_file.load(file)
         if learned.role in skills or not learned.role:
             raise ParameterError(f"{file}: role {learned.role or 'not stated'!r}; --skill takes one file a role")
+        if learned.axes != LIFTS:
+            raise ParameterError(
+                f"{file}: moves {', '.join(learned.axes)}; partners of trials lift along "
+                f"{', '.join(LIFTS)}: it would be judged by another task"
+            )
         skills[learned.role] = learned
     wanted = {"leader", "follower"} if "auto" in roles or "active-passive" in laws else set(roles)
+    if files and (absent := sorted(wanted - set(skills))):
+        note(f"no --skill as {' or '.join(absent)}: learned now from five simulated lessons a role")
     for role in sorted(wanted - set(skills)):
         skills[role] = taught(role, seed=0)
     if "auto" in roles and "natural" not in skills and not files:
         skills["natural"] = taught("natural", seed=0)
     return skills
+
+
+def picture_name(role: str, law: str, place: int) -> str:
+    return f"{role}_{law}_{place:02d}.png"
 
 
 def _draw_worst(
@@ -96,7 +124,7 @@ def _draw_worst(
         recording, verdict = one_run(case, skills, law, plant, partner=people)
         why = ", ".join(verdict.failures) or f"effort {verdict.effort_n2s:.0f} N²s"
         title = f"{case.role}, {law}, partner {i}: {case.partner}, {case.behaviour}: {why}"
-        file = folder / f"{case.role}_{law}_{place:02d}.png"
+        file = folder / picture_name(case.role, law, place)
         figures.save(figures.reproduction(recording, title=title), file)
         files.append(str(file))
     return files
@@ -112,23 +140,31 @@ def _print(role: str, by_law: Mapping[str, Mapping[str, Any]], partners: int, se
             law,
             f"{100 * r['success']:.1f} %",
             f"{100 * r['interval'][0]:.1f}-{100 * r['interval'][1]:.1f}",
-            f"{r['effort']:.3g}",
-            f"{r['peak_force_n']:.3g}",
-            f"{100 * r['end_error_m']:.2g}",
-            f"{r['tilt_deg']:.2g}",
-            f"{1000 * r['ripple_m_per_s']:.2g}",
-            f"{r['smoothness']:.3g}",
+            _shown(r["effort"], 1.0, 3),
+            _shown(r["peak_force_n"], 1.0, 3),
+            _shown(r["end_error_m"], 100.0, 2),
+            _shown(r["tilt_deg"], 1.0, 2),
+            _shown(r["ripple_m_per_s"], 1000.0, 2),
+            _shown(r["smoothness"], 1.0, 3),
         ]
         if role == "auto":
             row.append("-" if r["role_right"] is None else f"{100 * r['role_right']:.1f} %")
         rows.append(row)
-    table(f"Robot as {role} on the {plant}: {partners} partners it has never met (seed {seed})", columns, rows)
+    who = "Robot told nothing" if role == "auto" else f"Robot as {role}"
+    table(
+        f"{who}, on the {plant}: {partners} partners it has never met (seed {seed}); medians over those who behave", columns, rows
+    )
     for law, r in by_law.items():
         by = ", ".join(f"{name} {s['successes']}/{s['partners']}" for name, s in r["behaviours"].items())
         why = "; ".join(f"{reason} {n}" for reason, n in r["failures"].items()) or "none"
-        print(f"{law}: {by}. Failures: {why}")
+        say(f"{law}: {by}. Failures: {why}")
         for file in r.get("pictures", ()):
-            print(f"  {file}")
+            say(f"  {file}")
+
+
+def _shown(value: float | None, factor: float, digits: int) -> str:
+    """ "-" where no partner behaved, so that there is nothing to take a median of."""
+    return "-" if value is None else f"{factor * value:.{digits}g}"
 
 
 def summary(verdicts: Sequence[Verdict], cases: Sequence[Case]) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import signal
+import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -11,6 +11,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from ..errors import RecordingError
+from ..parallel import deaf, end_with
 from ..recording import Recording
 from . import write
 
@@ -34,9 +35,10 @@ def writing() -> Iterator[Callable[[Recording, Path], None]]:
 
     def store(recording: Recording, path: Path) -> None:
         settle(1)
-        waiting.append((path, other.submit(write, recording, path)))
+        with deaf():
+            waiting.append((path, other.submit(write, recording, path)))
 
-    with ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as other:
+    with ProcessPoolExecutor(1, get_context("spawn"), end_with, (os.getpid(),)) as other:
         try:
             yield store
         finally:  # what could not be stored is said, whatever else went wrong

@@ -19,6 +19,7 @@ import numpy as np
 from ..errors import ChannelError, RecordingError, plain
 from ..interfaces import Array
 from ..recording import Channel, Recording
+from ..whole_file import write_whole
 from .cells import NOTHING, Style, is_moment, is_number, moments, numbers, style_of
 from .columns import sign_and_name, unit_in, unknown
 from .layout import (
@@ -309,9 +310,7 @@ def write_csv(recording: Recording, path: Path) -> None:
     writer.writerow(["time", *(f"{n}.{a}" for n, c in recording.channels.items() for a in c.axes)])
     writer.writerows(zip(*columns, strict=True))
     first, body = f"{SIGNATURE}{head}", table.getvalue()
-    with path.open("w", encoding="utf-8", newline="") as out:
-        out.write(f"{first}\n# sha256={_digest(first, body)}\n")
-        out.write(body)
+    write_whole(path, f"{first}\n# sha256={_digest(first, body)}\n{body}")
 
 
 def _digest(first: str, body: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -20,7 +20,7 @@ from ..models.clock import learn_clock
 from ..models.gmm import Gmm
 from ..models.hmm import Hmm
 from ..models.stability import stability, warnings_of
-from ..recording import Passed, frozen
+from ..recording import Passed, check_role, frozen
 
 LAWS = ("default", "paper")
 STATES = {"default": 10, "paper": 5}  # 5 is the paper's; 10 predicts better on every set that was tried (docs/results.md)
@@ -95,16 +95,20 @@ def learn(
     rng: np.random.Generator | None = None,
     covariance_floor: float = 1e-4,
     settings: Mapping[str, Any] | None = None,
+    allow_constant: float | Mapping[str, float] | None = None,
 ) -> LearnedSkill:
     """A skill from several lessons of one role; milliseconds for five lessons of a few seconds.
 
     n_states   default 10 (law "default") or 5 (law "paper"); `fitting.selection.select_states` chooses by data
-    role       what lessons that state none are of; must agree with what the others say of themselves. None takes their word
+    role       "leader", "follower" or "natural": what lessons that state none are of; must agree with those that do; None takes
+               their word
+    allow_constant  standard deviation of channels that never change, one number or by channel; they are refused otherwise
     with_force False learns position and velocity only (the paper's footnote 3)
 
     Raises TrainingError, ChannelError or RecordingError that name the lesson and what to do.
     """
-    lessons = lessons_only(demonstrations)
+    check_role(role)
+    lessons = [replace(one, role=role) if role and not one.role else one for one in lessons_only(demonstrations)]
     if law not in LAWS:
         raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
     if rng is not None:
@@ -124,6 +128,7 @@ def learn(
         restarts=restarts,
         rng=rng,
         covariance_floor=covariance_floor,
+        allow_constant=allow_constant,
     )
     notes.extend(fit.notes)
     notes.extend(stability_notes(fit.model, law, role or lessons[0].role, settings or {}))

@@ -20,6 +20,7 @@ from ..models.gmm import Gmm
 from ..models.hmm import Hmm
 from ..models.moments import moments_about
 from ..parallel import each
+from ..recording import check_role
 from .skill import LAWS, STATES, LearnedSkill
 
 UNITS = {"position": "m", "force": "N", "velocity": "m/s"}
@@ -45,6 +46,7 @@ def learn_stream(
     read      path -> pieces, lists of (T, D) in the order of `channels`: position.*, force.* (or none), velocity.*
     dt        period of all lessons [s]; nothing here can check it
     """
+    check_role(role)
     if law not in LAWS:
         raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
     axes = tuple(c.split(".")[1] for c in channels if c.startswith("position."))

@@ -78,7 +78,7 @@ def ranges_of(model: Any, joints: Sequence[str]) -> Array:
     return np.where(limited[:, None], model.jnt_range[ids], [-np.inf, np.inf])
 
 
-# What a process does that may die: MuJoCo ends its own on some models that are malformed. 
+# What a process does that may die: MuJoCo ends its own on some models that are malformed.
 _TRY = """
 import sys, mujoco
 text = sys.stdin.buffer.read().decode("utf-8")
