@@ -63,7 +63,7 @@ def _read_bytes(path: Path, data: bytes, columns: Columns, recover: bool) -> tup
     if data.startswith(_MCAP[: min(len(data), 8)]) and data[:1] == _MCAP[:1]:
         from .mcap_file import read_mcap
 
-        return (remapped(path, read_mcap(path, data, recover=recover), columns),)
+        return (read_mcap(path, data, columns, recover=recover),)
     if data.startswith(b"\x93NUMPY") or (data.startswith(b"PK\x03\x04") and path.suffix.lower() == ".npz"):
         return assemble(read_numpy(path), columns)
     if data.startswith(b"MATLAB 5.0") or (path.suffix.lower() == ".mat" and not data.startswith(b"\x89HDF")):
