@@ -17,11 +17,11 @@ from ..learned.skill import learn as learn_skill
 from ..lessons.demonstration import Demonstration
 from .console import print_json, progress, say_if_slow, stages, table
 from .flags import DataFlags, LearnFlags
-from .reading import read_each, read_lessons, read_recordings, reader_of
+from .reading import beyond_memory, read_each, read_lessons, read_recordings, reader_of
 
 
 def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, json: bool) -> None:
-    if flags.stream or any(f.suffix == ".parquet" or (f / "data").is_dir() for f in files):
+    if flags.stream or flags.checkpoint or flags.stepwise or beyond_memory(files):
         _learn_stream(files, out, data, flags, json)
         return
     started = time.perf_counter()

@@ -16,8 +16,15 @@ from ..lessons.shards import ParquetShards, RecordingShards, rate_of
 from ..recording import Recording
 from .flags import DataFlags
 
-NOT_FOR_PARQUET = ("sensor_force", "time", "resample_hz", "extra", "position_unit", "velocity_unit", "force_unit", "time_unit",
+STREAMED_BYTES = 128 << 20  # of Parquet, packed: more is read a piece at a time
+PREPARED = ("sensor_force", "time", "resample_hz", "extra", "position_unit", "velocity_unit", "force_unit", "time_unit",
                    "load_mass_kg", "trim_rest_s", "drop_bad", "split_gaps")  # fmt: skip
+
+
+def beyond_memory(files: Sequence[Path]) -> bool:
+    """Whether these are Parquet files, or LeRobot folders, of more than is read at once."""
+    found = [p for f in files for p in ([f] if f.suffix == ".parquet" else (f / "data").glob("**/*.parquet"))]
+    return sum(p.stat().st_size for p in found if p.exists()) > STREAMED_BYTES
 
 
 def columns_of(flags: DataFlags) -> Columns:
@@ -70,16 +77,13 @@ def reader_of(
 ) -> tuple[Any, tuple[str, ...], float]:
     """(reader, channels, period [s]) for shards: Parquet by the columns that the flags name, other formats as always."""
     groups = ("position", "force", "velocity") if with_force else ("position", "velocity")
-    if not all(p.endswith(".parquet") for p in paths):
+    prepared = any(getattr(flags, name) not in (None, False) for name in PREPARED)
+    if prepared or not flags.position or not all(p.endswith(".parquet") for p in paths):
         preparation = preparation_of(flags)
         first = read_lessons([Path(paths[0])], flags)[0]
         names = tuple(c for c in first.channels if c.split(".")[0] in groups)
         preparation = replace(preparation, rate_hz=preparation.rate_hz or 1.0 / first.dt)
         return RecordingShards(names, columns_of(flags), preparation, flags.recover), names, first.dt
-    for name in NOT_FOR_PARQUET:
-        if getattr(flags, name) not in (None, False):
-            flag = "--" + name.replace("_", "-")
-            raise ParameterError(f"{flag} does not reach Parquet files: they are streamed as they are, in SI units, at one rate")
     columns: dict[str, str] = {}
     axes = [a.strip() for a in (flags.axes or "z").split(",")]
     for group in groups:

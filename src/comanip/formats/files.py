@@ -38,7 +38,8 @@ def unpacked(path: Path, data: bytes, limit: int) -> bytes:
     except RecordingError:
         raise
     except Exception as error:  # each library raises its own kinds on damaged input
-        raise RecordingError(f"{path}: cannot be unpacked ({' '.join(str(error).split()) or type(error).__name__})") from None
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise RecordingError(f"{path}: not a recording: starts with {data[:4].hex()} and cannot be unpacked ({why})") from None
 
 
 def _inflated(path: Path, data: bytes, limit: int) -> bytes:

@@ -13,8 +13,9 @@ from ..errors import ChannelError, ParameterError
 from ..recording import Channel, Recording
 from .assemble import remapped
 from .columns import NAME, Columns, recognise, sign_and_name
+from .events import EVENTS
 from .frames import turned
-from .messages import Transforms
+from .messages import CLOCKS, Transforms
 
 ORIENTATION, TORQUE = "hand.orientation", "hand.torque"
 _LEAVES = {"position": ("position", "translation", "point"), "velocity": ("linear",), "force": ("force",)}
@@ -26,18 +27,32 @@ def mapped(path: Path, recording: Recording, columns: Columns, turns: Sequence[T
     """The recording with hand.position, hand.velocity, hand.force ... as `columns` says, or as is obvious."""
     notes: list[str] = []
     columns = _named(path, recording, columns)
-    if not columns.mapped and not any(name in recording for name in NAME.values()):
-        columns, hint = _recognised(recording, columns, notes)
-        if hint:
-            notes.append(hint)
-            recording = recording.with_metadata(hint=hint)
-    recording = _one_frame(path, recording, columns, turns, notes)
+    ours = any(name in recording for name in NAME.values())
+    if columns.mapped or (ours and columns.frames):
+        recording = _one_frame(path, recording, columns, turns, notes)
+    elif not ours:
+        recording, columns = _obvious(path, recording, columns, turns, notes)
     recording = recording.with_channels(_beside(recording, columns, notes))
-    if columns.time == "none":
-        recording = _restamped(path, recording, columns, notes)
     if notes:
         recording = recording.with_metadata(notes=[*recording.metadata.get("notes", ()), *notes])
-    return remapped(path, recording, columns)
+    return remapped(path, restamped(path, recording, columns), columns)
+
+
+def _obvious(
+    path: Path, recording: Recording, columns: Columns, turns: Sequence[Transforms], notes: list[str]
+) -> tuple[Recording, Columns]:
+    """The recording in one frame and what was recognised; where the user must decide, nothing is, and metadata["hint"] says why."""
+    said: list[str] = []
+    found, hint = _recognised(recording, columns, said)
+    try:
+        framed = recording if hint else _one_frame(path, recording, found, turns, said)
+    except ChannelError as error:
+        hint = str(error).removeprefix(f"{path}: ")
+    if hint:
+        notes.append(hint)
+        return recording.with_metadata(hint=hint), columns
+    notes += said
+    return framed, found
 
 
 def scalars_of(recording: Recording) -> dict[str, str]:
@@ -204,18 +219,24 @@ def _beside(recording: Recording, columns: Columns, notes: list[str]) -> dict[st
     return found
 
 
-def _restamped(path: Path, recording: Recording, columns: Columns, notes: list[str]) -> Recording:
-    """Frame i at i / rate: what time="none" asks for. One rate cannot hold for channels of different numbers of frames."""
+def restamped(path: Path, recording: Recording, columns: Columns) -> Recording:
+    """Frame i at i / rate, where time="none" asks for it. One rate cannot hold for channels of different numbers of frames."""
+    if columns.time is None or columns.time in CLOCKS:
+        return recording
+    if columns.time != "none":
+        raise ParameterError(
+            f"{path}: time {columns.time!r}: its channels have stamps of their own; allowed: {', '.join(CLOCKS)} in a bag, "
+            "or none with a rate (rate_hz=...)"
+        )
     if columns.rate_hz is None:
         raise ParameterError(f'{path}: time="none" ignores the stamps: state the rate (rate_hz=...)')
-    sources = [n for n in _sources(recording, columns).values()]
+    sources = list(_sources(recording, columns).values())
     sources += [n for e in columns.extra.values() if (n := _channel_of(recording, e))]
-    counts = {n: len(recording[n].time) for n in sources or recording.channels}
-    if len(set(counts.values())) > 1 and sources:
+    counts = {n: len(recording[n].time) for n in sources}
+    if len(set(counts.values())) > 1:
         listed = ", ".join(f"{n} {count}" for n, count in counts.items())
         raise ChannelError(f'{path}: time="none" gives all channels one rate, and they have different numbers of frames ({listed})')
-    notes.append(f"the file's stamps are ignored, as asked: frame i is taken to be at i / {columns.rate_hz:g} s")
+    note = f"the file's stamps are ignored, as asked: frame i is taken to be at i / {columns.rate_hz:g} s"
     rate = columns.rate_hz
-    return recording.with_channels(
-        {n: replace(c, time=np.arange(len(c.time)) / rate) for n, c in recording.channels.items() if n != "events"}
-    )
+    again = {n: replace(c, time=np.arange(len(c.time)) / rate) for n, c in recording.channels.items() if n != EVENTS}
+    return recording.with_channels(again).with_metadata(notes=[*recording.metadata.get("notes", ()), note])

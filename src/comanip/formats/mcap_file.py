@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,9 @@ import numpy as np
 
 from ..errors import ComanipWarning, RecordingError
 from ..recording import Channel, Recording
-from . import cdr, messages
+from . import cdr, messages, only
 from .columns import Columns
+from .files import mapped_bytes
 from .mapping import mapped
 from .mcap_foreign import topics
 from .mcap_walk import OURS, TooMuch, Walk, fault, walk_through
@@ -27,6 +29,15 @@ from .mcap_walk import OURS, TooMuch, Walk, fault, walk_through
 CHUNK_BYTES, LARGEST_CHUNK_BYTES, CHUNK_S = 1024, 65536, 0.01
 RECORD = OURS
 VERSION = 1
+
+
+def open_mcap(path: Path, data: Any, columns: Columns, recover: bool) -> tuple[Recording, ...]:
+    with mapped_bytes(path) as contents:
+        return (read_mcap(path, contents, columns, recover=recover),)
+
+
+def write_one(recordings: Sequence[Recording], path: Path) -> None:
+    write_mcap(only(recordings, path), path)
 
 
 def write_mcap(recording: Recording, path: Path) -> None:

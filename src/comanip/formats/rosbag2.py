@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..errors import RecordingError
 from ..recording import Recording
@@ -34,6 +34,14 @@ class Facts(NamedTuple):
     files: tuple[str, ...]
     messages: int | None
     packed: str  # "", "file" or "message"
+
+
+def open_folder(path: Path, data: Any, columns: Columns, recover: bool) -> tuple[Recording, ...]:
+    return (read_folder(path, columns, recover=recover),)
+
+
+def open_file(path: Path, data: Any, columns: Columns, recover: bool) -> tuple[Recording, ...]:
+    return (read_sqlite(path, columns),)
 
 
 @dataclass

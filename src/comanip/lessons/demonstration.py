@@ -289,6 +289,7 @@ def _channels(recording: Recording, where: str, chosen: Preparation, notes: list
     found |= {n: recording[n] for n in extra}
     if "position" not in found and not ("velocity" in found and chosen.integrate_position):
         ask = "; integrate_position makes one from the velocity" if "velocity" in found else ""
+        ask += f"; {recording.metadata['hint']}" if recording.metadata.get("hint") else ""
         raise ChannelError(f"{where}: no 'hand.position'; found {', '.join(recording.channels) or 'nothing'}{ask}")
     for name, channel in found.items():
         at = f"{where}: {name}"
@@ -300,6 +301,13 @@ def _channels(recording: Recording, where: str, chosen: Preparation, notes: list
         check_period(at, period(found[name]))
         if name in _KIND and chosen.plausible is not None:
             check_plausible(at, _KIND[name], found[name].values, channel.unit, chosen.plausible, channel.axes)
+    frames = {n: c.frame for n, c in found.items() if n in _KIND and c.frame}
+    if len(set(frames.values())) > 1:
+        listed = "; ".join(f"{n}: {f}" for n, f in frames.items())
+        raise ChannelError(
+            f"{where}: the signals are in different frames ({listed}); state how they lie to each other where the file is read, "
+            "for example frames={'sensor': 'hand'} (--frame sensor=hand)"
+        )
     axes = {n: c.axes for n, c in found.items() if n in _KIND}
     if len(set(axes.values())) > 1:
         listed = "; ".join(f"{n}: {', '.join(a)}" for n, a in axes.items())
