@@ -138,6 +138,20 @@ def convert(file: Path, out: Path, /, *, data: Data = DataFlags(), json: Json = 
 
 
 @app.command
+def recover(
+    file: Path,
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="The new file; default: NAME.recovered beside it.")] = None,
+    json: Json = False,
+) -> None:
+    """Make a whole file of what a crash, a full disk or damage left of a recording: comanip recover run.live.mcap"""
+    from . import recovering as command
+
+    command.recover(file, out, json)
+
+
+@app.command
 def teach(
     *,
     role: Annotated[Literal["leader", "follower", "natural"], Parameter(help="Of the robot; natural: nobody is told one.")],

@@ -172,19 +172,28 @@ def inspect(files: Sequence[Path], plot: Path | None, data: DataFlags, json: boo
 
 
 def convert(file: Path, out: Path, data: DataFlags, json: bool) -> None:
-    from ..formats import write
+    from ..formats import write, write_all
+    from ..lessons.regrid import regridded
 
     recordings = read_recordings([file], data)
-    if len(recordings) > 1:
+    if data.resample_hz is not None:
+        recordings = [regridded(recording, data.resample_hz) for recording in recordings]
+    if len(recordings) > 1 and out.suffix.lower() not in HOLD_SEVERAL:
         targets = [out.with_name(f"{out.stem}_{i + 1}{out.suffix}") for i in range(len(recordings))]
+        for recording, target in zip(recordings, targets, strict=True):
+            write(recording, target)
     else:
         targets = [out]
-    for recording, target in zip(recordings, targets, strict=True):
-        write(recording, target)
+        write_all(recordings, out)
     if json:
         print_json({"written": [str(t) for t in targets]})
+    elif len(targets) < len(recordings):
+        print(f"{out}: {len(recordings)} recordings of {', '.join(recordings[0].channels)}")
     else:
         print("\n".join(f"{t}: {', '.join(r.channels)}" for t, r in zip(targets, recordings, strict=True)))
+
+
+HOLD_SEVERAL = (".hdf5", ".h5", ".lerobot")  # formats of which one file or folder holds many recordings
 
 
 def _options(lessons: Sequence[Demonstration], flags: LearnFlags, *, role: str | None) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import Any
 from ..errors import ParameterError, RecordingError
 from ..formats import read
 from ..formats.columns import Columns, split_columns
+from ..formats.mapping_file import mapping_file
 from ..interaction import Payload
 from ..lessons.demonstration import Demonstration, Preparation, demonstrations
 from ..lessons.shards import ParquetShards, RecordingShards, rate_of
@@ -28,28 +29,24 @@ def beyond_memory(files: Sequence[Path]) -> bool:
 
 
 def columns_of(flags: DataFlags) -> Columns:
-    extra = {}
-    for item in flags.extra or ():
-        name, separator, columns = item.partition("=")
+    """The mapping of a file that is given, and of the flags, which go before it."""
+    base = mapping_file(flags.mapping) if flags.mapping is not None else Columns()
+    named = ("position", "velocity", "force", "sensor_force", "axes", "time", "rate_hz", "role", "position_unit", "velocity_unit",
+             "force_unit", "time_unit")  # fmt: skip
+    given: dict[str, Any] = {name: getattr(flags, name) for name in named if getattr(flags, name) is not None}
+    extra = {**base.extra, **{name: (columns,) for name, columns in _pairs("--extra", flags.extra, "name=column,column")}}
+    frames = {**base.frames, **dict(_pairs("--frame", flags.frame, "name=same, name=hand or name=w,x,y,z"))}
+    return replace(base, **given, extra=extra, frames=frames)
+
+
+def _pairs(flag: str, items: Sequence[str] | None, form: str) -> list[tuple[str, str]]:
+    found = []
+    for item in items or ():
+        name, separator, value = item.partition("=")
         if not separator:
-            raise ParameterError(f"--extra {item!r}; write it as name=column,column")
-        extra[name] = (columns,)
-    given = {
-        name: getattr(flags, name)
-        for name in ("position", "velocity", "force", "sensor_force", "axes")
-        if getattr(flags, name) is not None
-    }
-    return Columns(
-        **given,
-        time=flags.time,
-        rate_hz=flags.rate_hz,
-        role=flags.role,
-        extra=extra,
-        position_unit=flags.position_unit,
-        velocity_unit=flags.velocity_unit,
-        force_unit=flags.force_unit,
-        time_unit=flags.time_unit,
-    )
+            raise ParameterError(f"{flag} {item!r}; write it as {form}")
+        found.append((name, value))
+    return found
 
 
 def read_recordings(files: Sequence[Path], flags: DataFlags) -> list[Recording]:

@@ -97,6 +97,11 @@ class CsvTable:
                 ) from None
         return values
 
+    def words(self, name: str) -> list[str]:
+        """Cells of a column as they are written."""
+        at = self._index(name)
+        return [row[at].strip() for row in self._cells()]
+
     def _index(self, name: str) -> int:
         bare = [unit_in(n)[0] for n in self._names]
         for names in (self._names, bare, [n.lower() for n in self._names], [n.lower() for n in bare]):

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ChannelError, ParameterError
+from ..interfaces import Array
 from ..recording import Channel, Recording
 from .assemble import remapped
 from .columns import NAME, Columns, recognise, sign_and_name
@@ -66,14 +67,14 @@ def _named(path: Path, recording: Recording, columns: Columns) -> Columns:
     names = [*recording.channels, *scalars]
 
     def full(expressions: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(found for e in expressions for found in _resolved(path, e, names))
+        return tuple(found for e in expressions for found in _resolved(path, e, recording, names))
 
     changes: dict[str, object] = {kind: full(expressions) for kind, expressions in columns.mapped.items()}
     extra = {name: full(expressions) for name, expressions in columns.extra.items()}
     return replace(columns, **changes, extra=extra)  # type: ignore[arg-type]
 
 
-def _resolved(path: Path, expression: str, names: Sequence[str]) -> list[str]:
+def _resolved(path: Path, expression: str, recording: Recording, names: Sequence[str]) -> list[str]:
     sign, name = sign_and_name(expression, names)
     minus = "-" if sign < 0 else ""
     found: list[str] = []
@@ -81,6 +82,7 @@ def _resolved(path: Path, expression: str, names: Sequence[str]) -> list[str]:
         exact = next((n for n in (part, "/" + part.lstrip("/")) if n in names), None)
         short = part.lstrip("/")
         hits = [exact] if exact else [n for n in names if n.endswith((f".{short}", f"/{short}"))]
+        hits = [n for n in hits if n in recording.channels] or hits  # a channel rather than what is within one
         if len(hits) > 1:
             raise ChannelError(f"{path}: {name!r} may be {' or '.join(hits[:8])}; say which")
         found.append(minus + (hits[0] if hits else part))
@@ -101,57 +103,80 @@ def _indexed(name: str) -> list[str]:
     return [f"{match[1]}.{i}" for i in numbers]
 
 
+Candidate = dict[str, str]  # axis -> channel or scalar
+
+
 def _recognised(recording: Recording, columns: Columns, notes: list[str]) -> tuple[Columns, str]:
     """(columns with what only one channel can be, what must be said by the user)."""
-    candidates = {kind: _candidates(recording, kind) for kind in _LEAVES}
-    doubts = [f"{' and '.join(found)} could both be the {kind}" for kind, found in candidates.items() if len(found) > 1]
+    candidates = {kind: [*_vectors(recording, kind), *_plain(recording, kind)] for kind in _LEAVES}
+    doubts = [
+        f"{' and '.join(next(iter(c.values())) for c in found)} could both be the {kind}"
+        for kind, found in candidates.items()
+        if len(found) > 1
+    ]
     if doubts:
-        said = "; ".join(doubts)
-        return columns, f"{said}; say which, for example position={candidates['position'][0] if candidates['position'] else '...'}"
+        first = next(iter(candidates["position"][0].values())) if candidates["position"] else "..."
+        return columns, f"{'; '.join(doubts)}; say which, for example position={first}"
     chosen = {kind: found[0] for kind, found in candidates.items() if found}
-    if not chosen:
-        return _by_topic(recording, columns, notes)
-    axes = _moving(recording, chosen, columns, notes)
-    for kind, name in chosen.items():
-        columns = replace(columns, **{kind: tuple(f"{name}.{a}" for a in axes)})  # type: ignore[arg-type]
-    return columns, ""
+    common = [a for a in ("x", "y", "z", "") if all(a in c for c in chosen.values())]
+    if not chosen or "position" not in chosen and "velocity" not in chosen:
+        return columns, ""
+    if not common:
+        return columns, "; ".join(f"{kind}: {', '.join(c.values())}" for kind, c in chosen.items()) + " share no axis; say which belong together"
+    axes = _moving(recording, {a: chosen["position"][a] for a in common} if "position" in chosen else {}, common, columns, notes)
+    for kind, by in chosen.items():
+        columns = replace(columns, **{kind: tuple(by[a] for a in axes)})  # type: ignore[arg-type]
+    return (columns if columns.axes or axes == ("",) else replace(columns, axes=axes)), ""
 
 
-def _candidates(recording: Recording, kind: str) -> list[str]:
+def _vectors(recording: Recording, kind: str) -> list[Candidate]:
+    """Vectors whose name says what they are: "/ft.wrench.force"."""
     return [
-        n
+        {a: f"{n}.{a}" for a in "xyz"}
         for n, c in recording.channels.items()
-        if n.rsplit(".", 1)[-1] in _LEAVES[kind] and c.unit == _UNITS[kind] and set(c.axes) == set("xyz") and len(c.time)
+        if n.rsplit(".", 1)[-1] in _LEAVES[kind] and c.unit in (_UNITS[kind], "") and set(c.axes) == set("xyz") and len(c.time)
     ]
 
 
-def _by_topic(recording: Recording, columns: Columns, notes: list[str]) -> tuple[Columns, str]:
-    """Topics of one number each whose names say what they are: "/z", "/Fz"."""
-    single = {n.strip("/").rsplit("/", 1)[-1]: n for n, c in recording.channels.items() if c.axes == ("data",)}
-    try:
-        obvious = recognise(single)
-    except ChannelError as error:
-        return columns, str(error)
-    axes = set.intersection(*[set(by) for by in obvious.values()]) if "position" in obvious else set()
-    for kind, by in obvious.items() if axes else ():
-        columns = replace(columns, **{kind: tuple(f"{single[by[a]]}.data" for a in sorted(axes))})  # type: ignore[arg-type]
-    return (columns if columns.axes or axes in (set(), {""}) else replace(columns, axes=tuple(sorted(axes)))), ""
+def _plain(recording: Recording, kind: str) -> list[Candidate]:
+    """Single numbers whose names say what they are, a file or a namespace at a time: topics "/z", "/Fz"; columns "lift.x", "lift.Fx"."""
+    places: dict[str, dict[str, str]] = {}
+    for name, channel in recording.channels.items():
+        if len(channel.axes) == 1 and len(channel.time) and name not in NAME.values():
+            place, _, leaf = name.rpartition("/" if name.startswith("/") else ".")
+            places.setdefault(place, {})[leaf] = name
+    found = []
+    for leaves in places.values():
+        try:
+            by = recognise(leaves).get(kind, {})
+        except ChannelError:
+            continue
+        if by:
+            found.append({axis: leaves[column] for axis, column in by.items()})
+    return found
 
 
-def _moving(recording: Recording, chosen: Mapping[str, str], columns: Columns, notes: list[str]) -> tuple[str, ...]:
+def _moving(
+    recording: Recording, positions: Mapping[str, str], common: Sequence[str], columns: Columns, notes: list[str]
+) -> tuple[str, ...]:
     """The axes asked for, or those along which the hand moves at all."""
     if columns.axes:
-        if set(columns.axes) <= set("xyz"):
+        if set(columns.axes) <= set(common):
             return columns.axes
-        raise ParameterError(f"axes {', '.join(columns.axes)}: a bag's vectors have x, y, z")
-    if "position" not in chosen:
-        return ("x", "y", "z")
-    channel = recording[chosen["position"]]
-    spans = {a: float(np.ptp(channel.values[:, i])) for i, a in enumerate(channel.axes)}
-    moving = tuple(a for a in "xyz" if not spans[a] <= _STILL)  # a span that is not finite counts as motion, and is refused later
-    if 0 < len(moving) < 3:
-        notes.append(f"axis {', '.join(a for a in 'xyz' if a not in moving)} left out: {chosen['position']} does not move along it")
-    return moving or ("x", "y", "z")
+        raise ParameterError(f"axes {', '.join(columns.axes)}: the signals that were recognised have {', '.join(a or '-' for a in common)}")
+    spans = {a: float(np.ptp(_values(recording, name))) for a, name in positions.items()}
+    moving = tuple(a for a in common if not spans.get(a, 1.0) <= _STILL)  # a span that is not finite counts as motion, and is refused later
+    if 0 < len(moving) < len(common):
+        still = [a for a in common if a not in moving]
+        notes.append(f"axis {', '.join(still)} left out: {', '.join(positions[a] for a in still)} does not move")
+    return moving or tuple(common)
+
+
+def _values(recording: Recording, name: str) -> Array:
+    if name in recording.channels:
+        return recording[name].values[:, 0]
+    channel = recording[scalars_of(recording)[name]]
+    return channel.values[:, channel.axes.index(name.rsplit(".", 1)[-1])]
 
 
 def _channel_of(recording: Recording, expressions: Iterable[str]) -> str | None:
