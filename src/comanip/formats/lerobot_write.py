@@ -68,10 +68,18 @@ def _arrow(arrow: Any, name: str, values: Array) -> Any:
 
 
 def _stats(values: Array) -> dict[str, list[float]]:
+    """Per entry, of its finite numbers alone: a normaliser that divides by NaN trains nothing."""
     rows = np.asarray(values, dtype=np.float64).reshape(len(values), -1)
-    found = {"min": rows.min(axis=0), "max": rows.max(axis=0), "mean": rows.mean(axis=0), "std": rows.std(axis=0)}
-    found |= {name: np.quantile(rows, q, axis=0) for name, q in _QUANTILES.items()}
-    return {**{n: v.tolist() for n, v in found.items()}, "count": [len(rows)]}
+    columns = [_column_stats(column[np.isfinite(column)]) for column in rows.T]
+    return {**{name: [c[name] for c in columns] for name in columns[0]}, "count": [len(rows)]}
+
+
+def _column_stats(column: Array) -> dict[str, float]:
+    column = column if len(column) else np.zeros(1)
+    with np.errstate(all="ignore"):
+        found = {"min": column.min(), "max": column.max(), "mean": column.mean(), "std": column.std()}
+        found |= {name: np.quantile(column, q) for name, q in _QUANTILES.items()}
+    return {name: float(np.nan_to_num(v)) for name, v in found.items()}
 
 
 def _tasks(arrow: Any, words: Sequence[str]) -> Any:
