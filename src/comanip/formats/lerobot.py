@@ -239,7 +239,7 @@ def check_rate(where: str, stamps: Array, lengths: Sequence[int], fps: float) ->
     usual = float(np.median(steps)) if len(steps) else 0.0
     if usual > 0.0 and abs(usual * fps - 1.0) > RATE_OFF:
         raise RecordingError(
-            f"{where}: fps is {fps:g}, the column {STAMP!r} steps by {usual:.6g} s ({1.0 / usual:.4g} Hz); correct one of them, or take "
+            f"{where}: fps is {fps:g}, the column {STAMP!r} steps by {usual:.4g} s ({1.0 / usual:.4g} Hz); correct one of them, or take "
             f"the stamps (time={STAMP!r}), or the rate alone (time='none', rate_hz=...)"
         )
 

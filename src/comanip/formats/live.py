@@ -20,6 +20,7 @@ import threading
 import time
 import warnings
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -186,7 +187,8 @@ def keep(path: Path, source: BinaryIO) -> None:
             writer.finish()
             whole.flush()
         except OSError:
-            out.truncate(whole.sure)  # half a record would be damage; a whole one less is a cut
+            with suppress(OSError):
+                out.truncate(whole.sure)  # half a record would be damage; a whole one less is a cut
             raise
 
 

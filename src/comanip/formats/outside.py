@@ -5,6 +5,7 @@ One process serves all files; it is started with the first and ends with its par
 
 from __future__ import annotations
 
+import atexit
 import json
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from .children import command
 MEMORY = 3 << 30  # bytes of address space of the child
 PATIENCE_S = 30.0
 _server: subprocess.Popen[bytes] | None = None
+atexit.register(lambda: _stop())
 _turn = threading.Lock()
 
 Parts = dict[str, list[Array]]
@@ -33,18 +35,21 @@ def ask(reader: str, path: Path) -> tuple[Parts, dict[str, Any]]:
     RecordingError for what the reader says, and for a file on which the process dies or does not answer.
     """
     with _turn:
-        server = _running()
-        clock = threading.Timer(PATIENCE_S, server.kill)
-        clock.start()
-        try:
-            return _answer(server, reader, path)
-        except (OSError, ValueError, EOFError):
-            late = not clock.is_alive()
-            _stop()
-            why = f"took longer than {PATIENCE_S:g} s" if late else "ended the process that read it"
-            raise RecordingError(f"{path}: damaged: its library {why}") from None
-        finally:
-            clock.cancel()
+        for attempt in range(2):  # the process may have died of an earlier file, or been killed: a new one is asked again
+            server = _running()
+            clock = threading.Timer(PATIENCE_S, server.kill)
+            clock.start()
+            try:
+                return _answer(server, reader, path)
+            except (OSError, ValueError, EOFError):
+                late = not clock.is_alive()
+                _stop()
+                if late or attempt:
+                    why = f"took longer than {PATIENCE_S:g} s" if late else "ended the process that read it"
+                    raise RecordingError(f"{path}: damaged: its library {why}") from None
+            finally:
+                clock.cancel()
+    raise AssertionError("unreachable")
 
 
 def _running() -> subprocess.Popen[bytes]:
