@@ -65,7 +65,8 @@ def write_folder(path, messages, plugin="MCAP", version=9):
 
 
 def lifting(frames=("base", "base", "base"), turn=lambda t: (1.0, 0.0, 0.0, 0.0), force_turn=None, duration=4.0):
-    """A lift along z as (topic, t, message): pose 100 Hz, twist 100 Hz, wrench 500 Hz, with 25 N s/m along the motion and a torque.
+    """A lift along z as (topic, t, message): pose 100 Hz, twist 100 Hz, wrench 500 Hz, with 25 N s/m along the motion and a
+    torque.
 
     `force_turn` maps (t, force in base) to what a turned sensor reads.
     """

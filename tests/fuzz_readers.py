@@ -1,6 +1,6 @@
 """Altered files against every reader: no traceback, no crash, no second of waiting, no half gigabyte.
 
-    python tests/fuzz_readers.py 20000 [FORMAT ...]     # each format in turn; prints the worst time and memory of each
+python tests/fuzz_readers.py 20000 [FORMAT ...]     # each format in turn; prints the worst time and memory of each
 """
 
 from __future__ import annotations
@@ -38,8 +38,12 @@ def seed_file(kind: str, folder: Path) -> tuple[Path, Path]:
         return folder / "a.lerobot", folder / "a.lerobot/meta/info.json"
     if kind == "topics":
         (folder / "t").mkdir()
-        (folder / "t/pose.csv").write_text("Time,header.frame_id,pose.position.x,pose.position.z\n" + "".join(f"{i / 10},b,0,{i}\n" for i in range(40)))
-        (folder / "t/ft.csv").write_text("Time,header.frame_id,wrench.force.x,wrench.force.z\n" + "".join(f"{i / 20},b,0,{i}\n" for i in range(80)))
+        (folder / "t/pose.csv").write_text(
+            "Time,header.frame_id,pose.position.x,pose.position.z\n" + "".join(f"{i / 10},b,0,{i}\n" for i in range(40))
+        )
+        (folder / "t/ft.csv").write_text(
+            "Time,header.frame_id,wrench.force.x,wrench.force.z\n" + "".join(f"{i / 20},b,0,{i}\n" for i in range(80))
+        )
         return folder / "t", folder / "t/ft.csv"
     if kind == "toml":
         (folder / "a.toml").write_text('position = ["z"]\nforce = "-f"\nrate_hz = 100.0\n[frames]\nft = "hand"\n')
@@ -62,7 +66,9 @@ def altered(data: bytes, rng: np.random.Generator) -> bytes:
         if how <= 1:
             found[at] ^= 1 << int(rng.integers(8))
         elif how == 2:
-            found[at : at + 8] = rng.choice([b"\xff" * 8, b"\0" * 8, b"\x7f" + b"\xff" * 7, b"\xff" * 7 + b"\x7f", b"\0" * 7 + b"\x40"])
+            found[at : at + 8] = rng.choice(
+                [b"\xff" * 8, b"\0" * 8, b"\x7f" + b"\xff" * 7, b"\xff" * 7 + b"\x7f", b"\0" * 7 + b"\x40"]
+            )
         elif how == 3:
             del found[at : at + size]
         elif how == 4:
@@ -77,7 +83,8 @@ def altered(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def fuzz(kind: str, count: int, seed: int = 0) -> tuple[float, int, int]:
-    """(slowest read [s], most memory of this process and its children [MB], how many were refused). Raises what no user should see."""
+    """(slowest read [s], most memory of this process and its children [MB], how many were refused). Raises what no user should
+    see."""
     rng = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as place:
         target, file = seed_file(kind, Path(place))

@@ -37,7 +37,10 @@ def test_p6_a_second_writer_of_one_take_is_refused_with_the_number_of_the_first(
     held = LiveFile(tmp_path / "other.live.mcap")
     held._lock.take()
     try:
-        code = "import sys; sys.path[:] = sys.argv[2:]\nfrom pathlib import Path\nfrom comanip.formats.locks import Lock\nLock(Path(sys.argv[1])).take()"
+        code = (
+            "import sys; sys.path[:] = sys.argv[2:]\nfrom pathlib import Path\n"
+            "from comanip.formats.locks import Lock\nLock(Path(sys.argv[1])).take()"
+        )
         said = subprocess.run([sys.executable, "-c", code, str(held.path), *sys.path], capture_output=True, text=True).stderr
         assert f"in use by pid {os.getpid()}; give another name" in said
         with pytest.raises(RecordingError, match=f"in use by pid {os.getpid()}"):
@@ -178,7 +181,9 @@ def test_the_command_says_what_was_saved(tmp_path):
     write(lift(), tmp_path / "run.live.mcap")
     data = (tmp_path / "run.live.mcap").read_bytes()
     (tmp_path / "run.live.mcap").write_bytes(data[: len(data) // 2])
-    done = subprocess.run([sys.executable, "-m", "comanip", "recover", "run.live.mcap"], cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "comanip", "recover", "run.live.mcap"], cwd=tmp_path, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("run.recovered.mcap: ")
     assert "cut short" in done.stdout
@@ -221,7 +226,9 @@ def test_p11_a_module_of_the_users_is_not_run_by_a_child(tmp_path, kind):
     script.parent.mkdir()
     script.write_text(RUNS)
     places = [os.path.dirname(__file__), os.path.join(os.path.dirname(__file__), ".."), *[p for p in sys.path if p]]
-    done = subprocess.run([sys.executable, "-P", str(script), kind, *places], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-P", str(script), kind, *places], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
     assert [p.name for p in tmp_path.glob("sprung_*")] == []
     assert done.stdout == "through\n", done.stderr
     assert len(read(tmp_path / "take.live.mcap")[0]["hand.position"].time) == 30
@@ -260,7 +267,11 @@ def test_the_process_that_stores_ends_when_its_parent_is_killed(tmp_path):
     alive = children
     while alive and time.monotonic() < deadline:
         time.sleep(0.05)
-        alive = [c for c in alive if subprocess.run(["ps", "-p", c, "-o", "stat="], capture_output=True, text=True).stdout.strip(" Z\n")]
+        alive = [
+            c
+            for c in alive
+            if subprocess.run(["ps", "-p", c, "-o", "stat="], capture_output=True, text=True).stdout.strip(" Z\n")
+        ]
     assert not alive
 
 

@@ -54,7 +54,11 @@ def other_types():
     for i in range(20):
         t = i / 10
         found += [
-            ("/joints", t, make("sensor_msgs/msg/JointState", header=bags.header(t), position=np.array([i, -i], float), **joints)),
+            (
+                "/joints",
+                t,
+                make("sensor_msgs/msg/JointState", header=bags.header(t), position=np.array([i, -i], float), **joints),
+            ),
             ("/numbers", t, make("std_msgs/msg/Float64MultiArray", layout=layout, data=np.arange(16.0) + i)),
             ("/one", t, make("std_msgs/msg/Float64", data=i / 3)),
             ("/word", t, make("std_msgs/msg/String", data="lead" if i < 10 else "follow")),
@@ -65,7 +69,13 @@ def other_types():
 @BOTH
 def test_joints_arrays_numbers_and_words_are_found_by_path(tmp_path, plugin):
     write_folder(tmp_path / "bag", other_types(), plugin)
-    extra = {"joint": "joints.position.b", "array": "/numbers.data[14]", "several": "numbers.data[2:4]", "one": "/one", "effort": "effort.a"}
+    extra = {
+        "joint": "joints.position.b",
+        "array": "/numbers.data[14]",
+        "several": "numbers.data[2:4]",
+        "one": "/one",
+        "effort": "effort.a",
+    }
     (recording,) = read(tmp_path / "bag", Columns(extra={n: (e,) for n, e in extra.items()}))
     assert recording["joint"].values[:, 0].tolist() == [-i for i in range(20)]
     assert recording["array"].values[:, 0].tolist() == [14 + i for i in range(20)]
@@ -101,11 +111,14 @@ def franka(path, count=30):
         connection = bag.add_connection("/franka_state", "franka_msgs/msg/FrankaState", typestore=store)
         for i in range(count):
             sides = [
-                kinds["franka_msgs/msg/Inner"](load=0.5 * k, label="ab"[k] * (3 + k), w=wrench(i / 100, (1, 2, i), frame=f"side{k}"))
+                kinds["franka_msgs/msg/Inner"](
+                    load=0.5 * k, label="ab"[k] * (3 + k), w=wrench(i / 100, (1, 2, i), frame=f"side{k}")
+                )
                 for k in range(2)
             ]
             message = kinds["franka_msgs/msg/FrankaState"](
-                header=bags.header(i / 100, "panda_link0"), O_T_EE=i + np.arange(16) / 16, O_F_ext_hat_K=np.array([0.0, 0, i, 0, 0, 0]),
+                header=bags.header(i / 100, "panda_link0"), O_T_EE=i + np.arange(16) / 16,
+                O_F_ext_hat_K=np.array([0.0, 0, i, 0, 0, 0]),
                 sides=sides, time=0.1 * i,
             )  # fmt: skip
             bag.write(connection, T0 * 10**9 + i * 10**7, store.serialize_cdr(message, "franka_msgs/msg/FrankaState"))
@@ -127,7 +140,7 @@ def test_a_short_name_that_two_topics_have_is_asked_back(tmp_path):
     with pytest.raises(ChannelError, match=r"'wrench.force.z' may be /franka_state.sides\[0\].*; say which"):
         read(tmp_path / "a.mcap", Columns(position="wrench.force.z"))
     (recording,) = read(tmp_path / "a.mcap")
-    with pytest.raises(ChannelError, match="no 'hand.position'"):
+    with pytest.raises(ChannelError, match=r"no 'hand.position'"):
         demonstrations([recording])
 
 
@@ -135,7 +148,7 @@ def test_what_two_topics_could_be_is_not_guessed(tmp_path):
     write_folder(tmp_path / "bag", [*lifting(), *[("/ft_raw", t, m) for topic, t, m in lifting() if topic == "/ft"]])
     (recording,) = read(tmp_path / "bag")
     assert "hand.force" not in recording
-    with pytest.raises(ChannelError, match="/ft.wrench.force.x and /ft_raw.wrench.force.x could both be the force; say which"):
+    with pytest.raises(ChannelError, match=r"/ft.wrench.force.x and /ft_raw.wrench.force.x could both be the force; say which"):
         demonstrations([recording])
     (mapped,) = read(tmp_path / "bag", Columns(position="pose.position.z", force="/ft_raw.wrench.force.z"))
     assert mapped["hand.force"].values.shape == (2001, 1)
@@ -157,7 +170,10 @@ def raw_bag(path, rows, twice=False, summary=True):
         writer.start(profile="ros2", library="somebody")
         kinds = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped")
         schemas = [writer.register_schema(k, "ros2msg", bags.TYPES.generate_msgdef(k, ros_version=2)[0].encode()) for k in kinds]
-        pairs = [[writer.register_channel(t, "cdr", s) for t, s in zip(("/pose", "/ft"), schemas, strict=True)] for _ in range(1 + twice)]
+        pairs = [
+            [writer.register_channel(t, "cdr", s) for t, s in zip(("/pose", "/ft"), schemas, strict=True)]
+            for _ in range(1 + twice)
+        ]
         for n, (log, stamp, number) in enumerate(rows):
             ids = pairs[twice and n >= len(rows) // 2]
             two = pose(stamp, (0, 0, number)), wrench(stamp, (0, 0, -number))
@@ -235,7 +251,12 @@ def test_a_picture_that_nobody_asked_for_is_passed_over(tmp_path, compression):
         for i in range(10):
             writer.add_message(one, log_time=i * 10**8, publish_time=0, data=b"\0\1\0\0" + np.float64(i).tobytes())
             if i == 5:
-                writer.add_message(image, log_time=i * 10**8, publish_time=0, data=b"\0\1\0\0" + (17 << 20).to_bytes(4, "little") + bytes(17 << 20))
+                writer.add_message(
+                    image,
+                    log_time=i * 10**8,
+                    publish_time=0,
+                    data=b"\0\1\0\0" + (17 << 20).to_bytes(4, "little") + bytes(17 << 20),
+                )
         writer.finish()
     (recording,) = read(tmp_path / "a.mcap", Columns(position="/z"))
     assert recording["hand.position"].values[:, 0].tolist() == list(range(10))
@@ -294,7 +315,8 @@ def test_a_stated_turn_is_held_fast_and_its_inverse_is_not(tmp_path):
 def test_transforms_in_the_bag_turn_along_their_chain(tmp_path):
     tf = [("/tf_static", 0.0, make("tf2_msgs/msg/TFMessage", transforms=[transform(0.0, "hand", "sensor", about_x(0.3))]))]
     tf += [
-        ("/tf", t, make("tf2_msgs/msg/TFMessage", transforms=[transform(t, "hand", "base", about_x(-0.5 * t))])) for t in np.arange(0, 4.01, 0.02)
+        ("/tf", t, make("tf2_msgs/msg/TFMessage", transforms=[transform(t, "hand", "base", about_x(-0.5 * t))]))
+        for t in np.arange(0, 4.01, 0.02)
     ]
     write_folder(tmp_path / "bag", [*lifting(("sensor", "base", "base"), force_turn=lambda t, f: seen_by(0.5 * t + 0.3, f)), *tf])
     (recording,) = read(tmp_path / "bag")
@@ -310,10 +332,12 @@ def test_three_frames_are_refused_and_the_twist_of_odometry_is_the_childs(tmp_pa
     rows = []
     for i in range(50):
         body = make("geometry_msgs/msg/PoseWithCovariance", covariance=np.zeros(36), pose=make(
-            "geometry_msgs/msg/Pose", position=vector(0, 0, i, kind="Point"), orientation=quaternion(*about_x(np.pi / 2))))  # fmt: skip
+            "geometry_msgs/msg/Pose", position=vector(0, 0, i, kind="Point"),
+            orientation=quaternion(*about_x(np.pi / 2))))  # fmt: skip
         speed = make("geometry_msgs/msg/TwistWithCovariance", covariance=np.zeros(36), twist=twist(0, (0, 1, 0)).twist)
         rows.append(("/odom", i / 10, make(
-            "nav_msgs/msg/Odometry", header=bags.header(i / 10, "odom"), child_frame_id="body", pose=body, twist=speed)))  # fmt: skip
+            "nav_msgs/msg/Odometry", header=bags.header(i / 10, "odom"), child_frame_id="body",
+            pose=body, twist=speed)))  # fmt: skip
     write_folder(tmp_path / "odom", rows)
     (recording,) = read(tmp_path / "odom")
     assert np.allclose(recording["hand.velocity"].values, 1.0)  # y of the body is up
@@ -371,7 +395,11 @@ def test_files_of_a_split_bag_are_one_recording(tmp_path):
     second.rename(tmp_path / "bag" / "bag_1.mcap")
     path = tmp_path / "bag" / "metadata.yaml"
     name = next(p.name for p in (tmp_path / "bag").glob("*.mcap") if p.name != "bag_1.mcap")
-    path.write_text(path.read_text().replace(f"  - {name}\n", f"  - {name}\n  - bag_1.mcap\n").replace("message_count: 200", "message_count: 401"))
+    path.write_text(
+        path.read_text()
+        .replace(f"  - {name}\n", f"  - {name}\n  - bag_1.mcap\n")
+        .replace("message_count: 200", "message_count: 401")
+    )
     (recording,) = read(tmp_path / "bag")
     assert np.allclose(recording["hand.position"].values[:, 0], 0.8 + minimum_jerk(np.arange(401) / 100)[0], atol=1e-15)
 
@@ -405,7 +433,8 @@ def test_every_message_is_read_as_others_write_it(frame, names, numbers):
     frame = frame.encode("utf-8", "ignore").decode()
     empty = np.array([], dtype=float)
     message = make(
-        "sensor_msgs/msg/JointState", header=bags.header(1.5, frame), name=names, position=np.array(numbers, float), velocity=empty,
+        "sensor_msgs/msg/JointState", header=bags.header(1.5, frame), name=names, position=np.array(numbers, float),
+        velocity=empty,
         effort=np.array(numbers[::-1], float),
     )  # fmt: skip
     for little in (True, False):

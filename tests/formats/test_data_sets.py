@@ -1,4 +1,5 @@
-"""LeRobot, Parquet, HDF5, .mat of version 7.3, folders of one CSV a topic: what people have, opened with at most one flag a channel."""
+"""LeRobot, Parquet, HDF5, .mat of version 7.3, folders of one CSV a topic: what people have, opened with at most one flag a
+channel."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from comanip.formats.events import events
 from comanip.formats.mapping_file import mapping_file
 from comanip.learned.stream import learn_stream
 from comanip.lessons.demonstration import demonstrations
-from comanip.lessons.shards import ParquetShards, RecordingShards, files_of
+from comanip.lessons.shards import ParquetShards, RecordingShards, files_of, rate_of
 from lifts import lift, minimum_jerk
 
 arrow = pytest.importorskip("pyarrow")
@@ -35,7 +36,11 @@ def frames_of(episodes=3, rate=100.0):
 
 
 def write_set(folder, rows, fps=100, version="v3.0", names=True, **info):
-    columns = dict(zip(("episode_index", "frame_index", "timestamp", "observation.state", "task_index"), zip(*rows, strict=True), strict=True))
+    columns = dict(
+        zip(
+            ("episode_index", "frame_index", "timestamp", "observation.state", "task_index"), zip(*rows, strict=True), strict=True
+        )
+    )
     arrays = {
         "episode_index": arrow.array(columns["episode_index"]),
         "frame_index": arrow.array(columns["frame_index"]),
@@ -94,19 +99,33 @@ def test_what_a_set_says_of_itself_is_held_against_its_frames(tmp_path):
         read(tmp_path / "e")
 
 
+def with_state(change):
+    """Rows whose state is changed: change(row, k, value) -> value."""
+    return lambda rows: [[*r[:3], [change(r, k, v) for k, v in enumerate(r[3])], r[4]] for r in rows]
+
+
 SPOILT = {  # what was done -> (rows changed, fps, what is said)
     "rate": (lambda rows: rows, 30, r"fps is 30, the column 'timestamp' steps by 0.01 s \(100 Hz\)"),
     "backwards fps": (lambda rows: rows, -30, "fps is -30; allowed"),
-    "lost": (lambda rows: [r for r in rows if not (r[0] == 1 and 50 <= r[1] < 120)], 100, "episode 1: frame_index goes from 49 to 120"),
+    "lost": (
+        lambda rows: [r for r in rows if not (r[0] == 1 and 50 <= r[1] < 120)],
+        100,
+        "episode 1: frame_index goes from 49 to",
+    ),
     "reversed": (lambda rows: sorted(rows, key=lambda r: (r[0], -r[1])), 100, "episode 0: frame_index goes from 400 to 399"),
     "merged": (lambda rows: [[0, *r[1:]] for r in rows], 100, "several episodes under one number"),
     "torn": (lambda rows: rows[:200] + rows[401:] + rows[200:401], 100, "rows of episode 0 stand apart|frame_index goes from"),
     "swapped": (lambda rows: [*rows[:10], rows[11], rows[10], *rows[12:]], 100, "frame_index goes from 9 to 11|not in order"),
-    "millimetres": (lambda rows: [[*r[:3], [1000 * v for v in r[3][:3]] + r[3][3:], r[4]] for r in rows], 100, "millimetres"),
-    "velocity": (lambda rows: [[*r[:3], [-v if 3 <= k < 6 else v for k, v in enumerate(r[3])], r[4]] for r in rows], 100, "sign is flipped"),
-    "nan": (lambda rows: [[*r[:3], [np.nan if (r[0], r[1], k) == (2, 7, 8) else v for k, v in enumerate(r[3])], r[4]] for r in rows], 100, "frame 7"),
-}  # fmt: skip
+    "millimetres": (with_state(lambda r, k, v: 1000 * v if k < 3 else v), 100, "millimetres"),
+    "velocity": (with_state(lambda r, k, v: -v if 3 <= k < 6 else v), 100, "sign is flipped"),
+    "nan": (with_state(lambda r, k, v: np.nan if (r[0], r[1], k) == (2, 7, 8) else v), 100, "frame 7"),
+}
 MAP = {"position.z": "observation.state[2]", "force.z": "observation.state[8]", "velocity.z": "observation.state[5]"}
+
+
+def learned_in_pieces(folder):
+    dt = 1.0 / rate_of(folder)
+    return learn_stream(files_of([folder]), read=ParquetShards(MAP), channels=list(MAP), dt=dt, role="follower", n_states=3)
 
 
 @pytest.mark.parametrize("how", SPOILT)
@@ -115,13 +134,7 @@ def test_d29_a_spoilt_set_is_refused_in_memory_and_streamed(tmp_path, how, strea
     change, fps, said = SPOILT[how]
     folder = write_set(tmp_path / "a", change(frames_of()), fps=fps)
     with pytest.raises((RecordingError, ChannelError), match=said):
-        if streamed:
-            from comanip.lessons.shards import rate_of
-
-            rate = rate_of(folder)
-            learn_stream(files_of([folder]), read=ParquetShards(MAP), channels=list(MAP), dt=1.0 / rate, role="follower", n_states=3)
-        else:
-            demonstrations(read(folder))
+        learned_in_pieces(folder) if streamed else demonstrations(read(folder))
 
 
 def test_d29_suspicions_are_said_once_and_kept_with_the_skill(tmp_path):
@@ -129,7 +142,9 @@ def test_d29_suspicions_are_said_once_and_kept_with_the_skill(tmp_path):
     folder = write_set(tmp_path / "a", rows)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        skill = learn_stream(files_of([folder]), read=ParquetShards(MAP), channels=list(MAP), dt=0.01, role="follower", n_states=4)
+        skill = learn_stream(
+            files_of([folder]), read=ParquetShards(MAP), channels=list(MAP), dt=0.01, role="follower", n_states=4
+        )
     flipped = [str(w.message) for w in said if "is the force's sign flipped" in str(w.message)]
     assert len(flipped) == 3  # one an episode, whatever the number of passes
     assert "episode 2" in flipped[2]
@@ -175,7 +190,9 @@ def test_files_of_any_format_are_checked_once_before_they_are_streamed(tmp_path)
         write(lift(seed, role="leader" if seed == 1 else "follower"), tmp_path / f"{seed}.mcap")
     reader = RecordingShards(("position.z", "force.z", "velocity.z"), Columns(), Preparation(role="follower", rate_hz=100.0))
     with pytest.raises(RecordingError, match="its role is 'leader', 'follower' was asked for"):
-        learn_stream(sorted(map(str, tmp_path.glob("*.mcap"))), read=reader, channels=reader.channels, dt=0.01, role="follower", n_states=3)
+        learn_stream(
+            sorted(map(str, tmp_path.glob("*.mcap"))), read=reader, channels=reader.channels, dt=0.01, role="follower", n_states=3
+        )
 
 
 def test_a_plain_table_is_data_for_every_command(tmp_path):
@@ -328,10 +345,16 @@ def topic_folder(folder, how, frames=("base", "base")):
         head = "%time,field.header.seq,field.header.stamp,field.header.frame_id,"
         dot, stamp = "field.", lambda i, t, f: f"{10**18 + round((t + 0.25) * 1e9)},{i},{10**18 + round(t * 1e9)},{f}"
     names = [f"{dot}pose.position.{a}" for a in "xyz"] + [f"{dot}pose.orientation.{a}" for a in "xyzw"]
-    rows = [f"{stamp(i, t, frames[0])},0.5,0.0,{0.8 + v},0,0,0,1" for i, (t, v) in enumerate(zip(tick.tolist(), x.tolist(), strict=True))]
+    rows = [
+        f"{stamp(i, t, frames[0])},0.5,0.0,{0.8 + v},0,0,0,1"
+        for i, (t, v) in enumerate(zip(tick.tolist(), x.tolist(), strict=True))
+    ]
     (folder / "ee_pose.csv").write_text(head + ",".join(names) + "\n" + "\n".join(rows) + "\n")
     names = [f"{dot}wrench.{k}.{a}" for k in ("force", "torque") for a in "xyz"]
-    rows = [f"{stamp(i, t, frames[1])},0.1,0,{25 * v},0,0,{v}" for i, (t, v) in enumerate(zip(fast.tolist(), dx.tolist(), strict=True))]
+    rows = [
+        f"{stamp(i, t, frames[1])},0.1,0,{25 * v},0,0,{v}"
+        for i, (t, v) in enumerate(zip(fast.tolist(), dx.tolist(), strict=True))
+    ]
     (folder / "ft-wrench.csv").write_text(head + ",".join(names) + "\n" + "\n".join(rows) + "\n")
     (folder / "marks.csv").write_text("t,event,details\n1000000001.0,start,\n1000000003.0,stop,x\n")
     (folder / "._ee_pose.csv").write_bytes(b"\0\5\x16\x07")
@@ -365,7 +388,12 @@ def test_frames_of_topics_in_csv_are_held_like_a_bags(tmp_path):
 def test_tables_of_one_layout_are_takes_and_not_topics(tmp_path):
     for seed in range(2):
         r = lift(seed, duration_s=4.0 + seed)
-        rows = zip(r["hand.force"].time.tolist(), r["hand.position"].values[:, 0].tolist(), r["hand.force"].values[:, 0].tolist(), strict=True)
+        rows = zip(
+            r["hand.force"].time.tolist(),
+            r["hand.position"].values[:, 0].tolist(),
+            r["hand.force"].values[:, 0].tolist(),
+            strict=True,
+        )
         (tmp_path / f"{seed}.csv").write_text("t,z,Fz\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
     assert [len(r["hand.force"].time) for r in read(tmp_path)] == [401, 501]
 
@@ -375,7 +403,10 @@ def test_tables_of_one_layout_are_takes_and_not_topics(tmp_path):
 
 def test_a_mapping_is_kept_in_a_file(tmp_path):
     path = tmp_path / "map.toml"
-    path.write_text('position = ["ee_pose.pose.position.z"]\nforce = "-wrench.force.z"\nrole = "leader"\n[frames]\nft = "same"\n[extra]\nq = "pose.orientation"\n')
+    path.write_text(
+        'position = ["ee_pose.pose.position.z"]\nforce = "-wrench.force.z"\nrole = "leader"\n'
+        '[frames]\nft = "same"\n[extra]\nq = "pose.orientation"\n'
+    )
     (found,) = read(topic_folder(tmp_path / "a", "bagpy", ("base", "ft")), mapping_file(path))
     _, dx, _ = minimum_jerk(np.arange(2001) / 500)
     assert np.allclose(found["hand.force"].values[:, 0], -25 * dx)

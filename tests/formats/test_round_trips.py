@@ -24,7 +24,7 @@ EXACT = [".csv", ".parquet", ".hdf5", ".lerobot", ".mcap"]
 
 
 def full(frames=120, rate_hz=100, start=2.0):
-    """A recording with every group: pose, twist, wrench with torque, orientation, NaN, infinite, tiny and huge numbers, events."""
+    """A recording with every group: pose, twist, wrench with torque, orientation, NaN, infinite and huge numbers, events."""
     rng = np.random.default_rng(5)
     time = start + np.arange(frames) / rate_hz
     turns = rng.normal(size=(frames, 4))
@@ -43,14 +43,18 @@ def full(frames=120, rate_hz=100, start=2.0):
         },
         {"role": "leader", "task": "lift", "name": "one", "seed": 3, "nested": {"a": [1, 2.5, None]}},
     )
-    return with_events(recording, [(start, "start"), (start + 0.505, "leads: robot"), (start + 1.1, "mark <b>"), (start + 1.15, "start")])
+    return with_events(
+        recording, [(start, "start"), (start + 0.505, "leads: robot"), (start + 1.1, "mark <b>"), (start + 1.15, "start")]
+    )
 
 
 def assert_same(a, b, stamps=0.0):
     assert list(a.channels) == list(b.channels)
     for name, channel in a.channels.items():
         other = b[name]
-        assert channel.values.tobytes() == other.values.tobytes() or np.array_equal(channel.values, other.values, equal_nan=True), name
+        assert channel.values.tobytes() == other.values.tobytes() or np.array_equal(
+            channel.values, other.values, equal_nan=True
+        ), name
         assert np.abs(channel.time - other.time).max(initial=0.0) <= stamps, name
         assert (channel.unit, channel.frame, channel.axes) == (other.unit, other.frame, other.axes)
     assert events(a) == events(b) if not stamps else [e.label for e in events(a)] == [e.label for e in events(b)]
@@ -102,7 +106,7 @@ def test_several_recordings_in_one_come_back_in_their_order(tmp_path, suffix):
     for a, b in zip(several, read(tmp_path / f"a{suffix}"), strict=True):
         assert_same(a, b)
     assert len(demonstrations(read(tmp_path / f"a{suffix}"))) == 12
-    with pytest.raises(ParameterError, match="12 recordings, and a .csv file holds one"):
+    with pytest.raises(ParameterError, match=r"12 recordings, and a .csv file holds one"):
         write_all(several, tmp_path / "a.csv")
 
 

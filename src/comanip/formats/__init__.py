@@ -1,7 +1,7 @@
 """Files on disk: `read` gives the recordings of a file or folder, `write` stores one, `write_all` several.
 
-A format is recognised by its first bytes, then by its extension, a folder by what lies in it. Foreign columns are mapped with `Columns`.
-A new format costs its file and one line of `FORMATS`.
+A format is recognised by its first bytes, then by its extension, a folder by what lies in it. Foreign columns are mapped with
+`Columns`. A new format costs its file and one line of `FORMATS`.
 """
 
 from __future__ import annotations
@@ -75,8 +75,8 @@ _PACKED = (b"\x1f\x8b", b"BZh", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd")
 
 
 def read(path: str | Path, columns: Columns | None = None, *, recover: bool = False) -> tuple[Recording, ...]:
-    """Every recording in a file or folder of any of `FORMATS`: .mcap, .db3 and folders of bags, .csv and other text tables (packed,
-    too), .npy, .npz, .mat, .hdf5, .parquet, LeRobot folders, folders of one CSV a topic.
+    """Every recording in a file or folder of any of `FORMATS`: .mcap, .db3 and folders of bags, .csv and other text tables
+    (packed, too), .npy, .npz, .mat, .hdf5, .parquet, LeRobot folders, folders of one CSV a topic.
 
     `columns` maps the columns of foreign files; on our own files it selects, renames and states what is missing.
     `recover` skips damaged parts of a file instead of refusing it; a file cut short is always read to the cut.
@@ -102,7 +102,9 @@ def _of_folder(path: Path, columns: Columns, recover: bool) -> tuple[Recording, 
         if any(next(path.glob(mark), None) for mark in form.marks):
             return tuple(form.reader()(path, None, columns, recover))
     known = ", ".join(mark for form in FORMATS for mark in form.marks if not mark.startswith("*"))
-    raise RecordingError(f"{path}: a directory without .csv files or anything else that is read; a folder holds {known}, or files")
+    raise RecordingError(
+        f"{path}: a directory without .csv files or anything else that is read; a folder holds {known}, or files"
+    )
 
 
 def _of_file(path: Path, columns: Columns, recover: bool) -> tuple[Recording, ...]:
@@ -159,7 +161,7 @@ def writable() -> dict[str, Format]:
 
 
 def write(recording: Recording, path: str | Path) -> None:
-    """Stores a recording by the extension of `path`: .mcap (exact to 1 ns in time), .csv, .parquet, .hdf5 (exact), or .lerobot."""
+    """Stores a recording by the extension of `path`: .mcap (exact to 1 ns in time), .csv, .parquet, .hdf5, .lerobot (exact)."""
     write_all([recording], path)
 
 

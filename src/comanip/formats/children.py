@@ -1,7 +1,8 @@
 """Processes of our own: they run comanip and its libraries, never a file of the user's that happens to have a library's name.
 
-`python -m` puts the working directory first among the places where modules are found, so a csv.py or mcap.py that lies there would be
-executed in place of the library. Our children start isolated (-I) and find what is installed first, the parent's other places last.
+`python -m` puts the working directory first among the places where modules are found, so a csv.py or mcap.py that lies there
+would be executed in place of the library. Our children start isolated (-I) and find what is installed first, the parent's other
+places last.
 """
 
 from __future__ import annotations
@@ -12,7 +13,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-_START = "import sys, runpy; sys.path.extend({places!r}); sys.argv[1:] = {arguments!r}; runpy.run_module({module!r}, run_name='__main__')"
+_START = (
+    "import sys, runpy; sys.path.extend({places!r}); sys.argv[1:] = {arguments!r}; "
+    "runpy.run_module({module!r}, run_name='__main__')"
+)
 
 
 def command(module: str, *arguments: str) -> list[str]:

@@ -1,7 +1,7 @@
 """Events of a recording (who leads, start, stop, marks of the user's) as a channel: one code an event, its words in the metadata.
 
-The channel "events" holds a number for each event at its stamp; metadata["events"] is the list that the numbers point into. So every
-format that keeps channels and metadata keeps events.
+The channel "events" holds a number for each event at its stamp; metadata["events"] is the list that the numbers point into. So
+every format that keeps channels and metadata keeps events.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ def coded(marks: Sequence[tuple[float, str]]) -> tuple[Channel, list[str]]:
     """The channel and the labels of events in order of time."""
     labels = list(dict.fromkeys(label for _, label in marks))
     number = {label: i for i, label in enumerate(labels)}
-    return Channel([t for t, _ in marks], [[number[label]] for _, label in marks], "", "", ("code",)), labels
+    times, codes = np.array([t for t, _ in marks]), np.array([[float(number[label])] for _, label in marks])
+    return Channel(times, codes.reshape(-1, 1), "", "", ("code",)), labels
 
 
 def with_events(recording: Recording, marks: Iterable[tuple[float, str]]) -> Recording:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mmap
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +25,8 @@ def mapped_bytes(path: Path) -> Iterator[Any]:
         try:
             yield view
         finally:
-            try:
+            with suppress(BufferError):  # an error on its way out still looks at it; it goes with the error
                 view.close()
-            except BufferError:  # an error on its way out still looks at it; it goes with the error
-                pass
 
 
 def unpacked(path: Path, data: bytes, limit: int) -> bytes:
@@ -58,7 +56,7 @@ def _inflated(path: Path, data: bytes, limit: int) -> bytes:
         import io
         import lzma
 
-        stream = lzma.LZMAFile(io.BytesIO(data))
+        stream = lzma.LZMAFile(io.BytesIO(data))  # noqa: SIM115
     elif data[:4] == b"\x28\xb5\x2f\xfd":
         import io
 
@@ -71,5 +69,7 @@ def _inflated(path: Path, data: bytes, limit: int) -> bytes:
     while part := stream.read(1 << 20):
         found += part
         if len(found) > limit:
-            raise RecordingError(f"{path}: unpacks to more than {limit >> 20} MB; the limit is {limit >> 20} MB: cut it into takes")
+            raise RecordingError(
+                f"{path}: unpacks to more than {limit >> 20} MB; the limit is {limit >> 20} MB: cut it into takes"
+            )
     return bytes(found)

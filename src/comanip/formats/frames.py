@@ -1,8 +1,8 @@
 """Frames of the signals: a vector is turned into the frame of the position where the turn is known or stated, else refused.
 
 Known are the transforms that a file holds (/tf, TransformStamped, Odometry), along any chain of them. Stated are those of
-`Columns.frames`: "same" (no turn), "hand" (the frame turns with the hand, as the orientation recorded beside the position says) or a
-quaternion "w,x,y,z" that turns vectors of that frame into the position's.
+`Columns.frames`: "same" (no turn), "hand" (the frame turns with the hand, as the orientation recorded beside the position says)
+or a quaternion "w,x,y,z" that turns vectors of that frame into the position's.
 """
 
 from __future__ import annotations
@@ -57,15 +57,15 @@ def turned(
     return replace(channel, values=values, frame=into.frame, axes=("x", "y", "z"))
 
 
-def _edges(
-    path: Path, stated: Mapping[str, str], source: str, target: str, orientation: Channel | None
-) -> list[Transforms]:
+def _edges(path: Path, stated: Mapping[str, str], source: str, target: str, orientation: Channel | None) -> list[Transforms]:
     found = []
     for name, text in stated.items():
         child = name.lstrip("/")
         if text == HAND:
             if orientation is None:
-                raise ChannelError(f"{path}: frame {name!r} is said to turn with the hand, and no orientation lies beside the position")
+                raise ChannelError(
+                    f"{path}: frame {name!r} is said to turn with the hand, and no orientation lies beside the position"
+                )
             quaternions = orientation.values[:, [orientation.axes.index(a) for a in "wxyz"]]
             found.append(Transforms(target, child, orientation.time, quaternions))
         else:

@@ -1,7 +1,7 @@
 """HDF5: robomimic's demonstrations, MATLAB's .mat of version 7.3, any file of plain arrays; and our own, exact.
 
-Names are paths: "obs/robot0_eef_pos[2]" is the third column of a dataset. A file with groups data/demo_0, data/demo_1 ... holds one
-recording each, and names begin below them.
+Names are paths: "obs/robot0_eef_pos[2]" is the third column of a dataset. A file with groups data/demo_0, data/demo_1 ... holds
+one recording each, and names begin below them.
 """
 
 from __future__ import annotations
@@ -128,7 +128,11 @@ def _recognised(parts: Mapping[str, list[Array]], columns: Columns, notes: list[
         return columns
     chosen: dict[str, str] = {}
     for kind, pattern in _HAND.items():
-        hits = [n for n in parts if re.fullmatch(pattern, n.rsplit("/", 1)[-1]) and parts[n][0].ndim == 2 and parts[n][0].shape[1] == 3]
+        hits = [
+            n
+            for n in parts
+            if re.fullmatch(pattern, n.rsplit("/", 1)[-1]) and parts[n][0].ndim == 2 and parts[n][0].shape[1] == 3
+        ]
         if len(hits) == 1:
             chosen[kind] = hits[0]
     if "position" not in chosen:
@@ -137,7 +141,10 @@ def _recognised(parts: Mapping[str, list[Array]], columns: Columns, notes: list[
     axes = [i for i, span in enumerate(moved) if not span <= 1e-9]
     axes = axes if axes and not columns.axes else ["xyz".index(a) for a in columns.axes or "xyz" if a in "xyz"]
     if len(axes) < 3:
-        notes.append(f"axis {', '.join(a for i, a in enumerate('xyz') if i not in axes)} left out: {chosen['position']} does not move along it")
+        notes.append(
+            f"axis {', '.join(a for i, a in enumerate('xyz') if i not in axes)} left out: "
+            f"{chosen['position']} does not move along it"
+        )
     changes: dict[str, Any] = {kind: tuple(f"{name}[:,{i}]" for i in axes) for kind, name in chosen.items()}
     notes += [f"{name} taken as {kind}" for kind, name in chosen.items()]
     return replace(columns, **changes, axes=columns.axes or tuple("xyz"[i] for i in axes))
@@ -197,10 +204,14 @@ def _own(path: Path, parts: Parts, text: str) -> list[Recording]:
     try:
         head = json.loads(text)
         if int(head["version"]) > VERSION:
-            raise RecordingError(f"{path}: written as version {head['version']}; this comanip reads up to {VERSION}: update comanip")
+            raise RecordingError(
+                f"{path}: written as version {head['version']}; this comanip reads up to {VERSION}: update comanip"
+            )
         found = [_one(parts, i, layout) for i, layout in enumerate(head["recordings"])]
     except (KeyError, ValueError, TypeError, AttributeError, ChannelError) as error:
-        raise RecordingError(f"{path}: damaged: its arrays are not what its header says ({' '.join(str(error).split())})") from None
+        raise RecordingError(
+            f"{path}: damaged: its arrays are not what its header says ({' '.join(str(error).split())})"
+        ) from None
     if head.get("sha256") != digest(found):
         raise RecordingError(f"{path}: its sha256 does not match: some byte was changed")
     return found

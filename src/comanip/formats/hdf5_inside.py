@@ -33,7 +33,8 @@ class _Budget:
 
 
 def contents(path: Path) -> tuple[Parts, dict[str, Any]]:
-    """(numeric datasets by path, facts): notes, lengths that demonstrations state, the rate of their environment, our own header."""
+    """(numeric datasets by path, facts): notes, lengths that demonstrations state, the rate of their environment, our own
+    header."""
     import h5py
 
     parts: Parts = {}
@@ -41,7 +42,9 @@ def contents(path: Path) -> tuple[Parts, dict[str, Any]]:
     budget = _Budget()
     with h5py.File(path, "r") as file:
         ours = file.get(OURS, getclass=True) is h5py.Dataset and file[OURS].dtype == np.uint8
-        matlab = not ours and "#refs#" in file or any("MATLAB_class" in item.attrs for item in file.values() if item is not None)
+        matlab = (not ours and "#refs#" in file) or any(
+            "MATLAB_class" in item.attrs for item in file.values() if item is not None
+        )
         _walk(h5py, file, "", parts, facts, budget, matlab, 0)
         if ours:
             budget.take(OURS, file[OURS].size)
@@ -52,7 +55,9 @@ def contents(path: Path) -> tuple[Parts, dict[str, Any]]:
     return parts, facts
 
 
-def _walk(h5py: Any, group: Any, path: str, parts: Parts, facts: dict[str, Any], budget: _Budget, matlab: bool, depth: int) -> None:
+def _walk(
+    h5py: Any, group: Any, path: str, parts: Parts, facts: dict[str, Any], budget: _Budget, matlab: bool, depth: int
+) -> None:
     if depth > 16:
         raise RecordingError("groups are nested deeper than 16")
     for key in group:

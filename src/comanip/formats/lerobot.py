@@ -1,8 +1,9 @@
 """LeRobot data sets, read (v2.0, v2.1, v3.0) and written (v3.0): one recording an episode.
 
 Read: frames are held against what the set says of itself (rate, lengths, order) before any of them is used.
-Written: hand.position, hand.velocity and hand.force are "observation.state", the commanded (else the hand's own) velocity is "action",
-every other channel is a column of its own. What a data set has no place for is in meta/comanip.json, so that it comes back exactly.
+Written: hand.position, hand.velocity and hand.force are "observation.state", the commanded (else its own) velocity is "action",
+every other channel is a column of its own. What a data set has no place for is in meta/comanip.json, so that it comes back
+exactly.
 """
 
 from __future__ import annotations
@@ -105,7 +106,9 @@ def open_folder(path: Path, data: Any, columns: Columns, recover: bool) -> Seque
         return _own(path, table, lengths, columns, found)
     chosen = obvious(table, names, columns if columns.time else _timed(columns), notes)
     recordings = assemble(Episodes(path, table, lengths, names, notes), chosen)
-    return [r.with_metadata(episode=i, **({"task": t} if t else {})) for i, (r, t) in enumerate(zip(recordings, found, strict=True))]
+    return [
+        r.with_metadata(episode=i, **({"task": t} if t else {})) for i, (r, t) in enumerate(zip(recordings, found, strict=True))
+    ]
 
 
 def _timed(columns: Columns) -> Columns:
@@ -142,7 +145,9 @@ def _lengths(path: Path, table: Mapping[str, Array], facts: Facts) -> list[int]:
     stated = _stated_lengths(path)
     for i, (index, length) in enumerate(zip(_indices(table, lengths), lengths, strict=True)):
         if stated and stated.get(index, length) != length:
-            raise RecordingError(f"{path}: episode {index} has {length} frames, meta/episodes says {stated[index]} (row {sum(lengths[:i])})")
+            raise RecordingError(
+                f"{path}: episode {index} has {length} frames, meta/episodes says {stated[index]} (row {sum(lengths[:i])})"
+            )
     return lengths
 
 
@@ -158,7 +163,11 @@ def _stated_lengths(path: Path) -> dict[int, int]:
         table = read_table(file)[0]
         if {"episode_index", "length"} <= set(table.column_names):
             rows += table.select(["episode_index", "length"]).to_pylist()
-    return {r["episode_index"]: r["length"] for r in rows if isinstance(r.get("episode_index"), int) and isinstance(r.get("length"), int)}
+    return {
+        r["episode_index"]: r["length"]
+        for r in rows
+        if isinstance(r.get("episode_index"), int) and isinstance(r.get("length"), int)
+    }
 
 
 def _rows(path: Path) -> Iterator[dict[str, Any]]:
@@ -207,7 +216,9 @@ def check_order(where: str, table: Mapping[str, Array], lengths: Sequence[int], 
             if after == index[0] and step[k] < -1.0:
                 raise RecordingError(f"{here}: several episodes under one number? renumber {EPISODE}")
             if step[k] > 1.0:
-                raise RecordingError(f"{here}: {after - before - 1:g} frames are missing; cut the episode there, or number them anew")
+                raise RecordingError(
+                    f"{here}: {after - before - 1:g} frames are missing; cut the episode there, or number them anew"
+                )
             raise RecordingError(f"{here}: the frames are not in order; sort them")
         at += length
 
@@ -219,7 +230,9 @@ def _stamps(path: Path, table: Mapping[str, Array], lengths: Sequence[int], fact
     if facts.fps is None or columns.time == STAMP:
         if stamps is None and facts.fps is None:
             if columns.rate_hz is None:
-                raise RecordingError(f"{path}: neither fps in meta/info.json nor a column {STAMP!r}; state the rate (rate_hz=...)")
+                raise RecordingError(
+                    f"{path}: neither fps in meta/info.json nor a column {STAMP!r}; state the rate (rate_hz=...)"
+                )
             return frame / columns.rate_hz
         return frame / facts.fps if stamps is None and facts.fps else np.asarray(stamps)
     exact = frame / facts.fps
@@ -232,14 +245,16 @@ def _stamps(path: Path, table: Mapping[str, Array], lengths: Sequence[int], fact
 
 
 def check_rate(where: str, stamps: Array, lengths: Sequence[int], fps: float) -> None:
-    """The stated rate against the stamps: one of them is wrong when they differ, and a model learned by it moves at a wrong speed."""
+    """The stated rate against the stamps: one of them is wrong when they differ, and a model learned by it moves at a wrong
+    speed."""
     inside = np.ones(max(len(stamps) - 1, 0), dtype=bool)
     inside[np.cumsum(lengths)[:-1] - 1] = False
     steps = np.diff(stamps)[inside]
     usual = float(np.median(steps)) if len(steps) else 0.0
     if usual > 0.0 and abs(usual * fps - 1.0) > RATE_OFF:
         raise RecordingError(
-            f"{where}: fps is {fps:g}, the column {STAMP!r} steps by {usual:.4g} s ({1.0 / usual:.4g} Hz); correct one of them, or take "
+            f"{where}: fps is {fps:g}, the column {STAMP!r} steps by {usual:.4g} s ({1.0 / usual:.4g} Hz); correct one of them, "
+            f"or take "
             f"the stamps (time={STAMP!r}), or the rate alone (time='none', rate_hz=...)"
         )
 
@@ -288,7 +303,9 @@ def _one_grid(path: Path, recordings: Sequence[Recording]) -> tuple[int, list[st
             raise ChannelError(f"{path}: {name} has {stray[0]}, the first recording has not; a data set has one layout")
         rates.add(_rate(f"{path}: {name}", recording, dense))
     if len(rates) != 1:
-        raise RecordingError(f"{path}: recordings at {', '.join(f'{r} Hz' for r in sorted(rates))}; a data set has one rate: resample them")
+        raise RecordingError(
+            f"{path}: recordings at {', '.join(f'{r} Hz' for r in sorted(rates))}; a data set has one rate: resample them"
+        )
     return rates.pop(), dense
 
 
@@ -306,7 +323,9 @@ def _rate(where: str, recording: Recording, dense: Sequence[str]) -> int:
     fps = round((len(reference) - 1) / float(reference[-1] - reference[0])) if reference[-1] > reference[0] else 0
     off = np.abs(reference - reference[0] - np.arange(len(reference)) / max(fps, 1)).max()
     if fps < 1 or not off < 1e-6 + 1e-3 / fps:
-        raise RecordingError(f"{where}: its stamps are no whole number of frames a second; resample first (convert --resample-hz)")
+        raise RecordingError(
+            f"{where}: its stamps are no whole number of frames a second; resample first (convert --resample-hz)"
+        )
     return fps
 
 
@@ -330,7 +349,9 @@ def _features(path: Path, recordings: Sequence[Recording], dense: Sequence[str])
     return Features(sources, names)
 
 
-def _own(path: Path, table: Mapping[str, Array], lengths: Sequence[int], columns: Columns, tasks: Sequence[str]) -> list[Recording]:
+def _own(
+    path: Path, table: Mapping[str, Array], lengths: Sequence[int], columns: Columns, tasks: Sequence[str]
+) -> list[Recording]:
     """What `write_dataset` wrote, channel by channel, with the stamps, units, frames and metadata it had."""
     from .lerobot_write import digest
     from .mapping import restamped
@@ -339,7 +360,9 @@ def _own(path: Path, table: Mapping[str, Array], lengths: Sequence[int], columns
     try:
         features, episodes = dict(side["features"]), list(side["episodes"])
         if int(side["version"]) > 1:
-            raise RecordingError(f"{path / SIDECAR}: written as version {side['version']}; this comanip reads up to 1: update comanip")
+            raise RecordingError(
+                f"{path / SIDECAR}: written as version {side['version']}; this comanip reads up to 1: update comanip"
+            )
         if len(episodes) != len(lengths):
             raise ValueError(f"{len(episodes)} episodes, the frames have {len(lengths)}")
         found, at = [], 0
@@ -348,7 +371,9 @@ def _own(path: Path, table: Mapping[str, Array], lengths: Sequence[int], columns
             found.append(_episode(part, features, episode))
             at += length
     except (KeyError, ValueError, TypeError, IndexError, AttributeError, ChannelError) as error:
-        raise RecordingError(f"{path / SIDECAR}: does not fit the frames ({error}); without it the frames are read as anybody's") from None
+        raise RecordingError(
+            f"{path / SIDECAR}: does not fit the frames ({error}); without it the frames are read as anybody's"
+        ) from None
     if side.get("sha256") != digest(side, found):
         raise RecordingError(f"{path}: the sha256 in {SIDECAR} does not match: some byte was changed")
     return [remapped(path, restamped(path, r, columns), columns) for r in found]

@@ -46,7 +46,7 @@ def write_parts(folder: Path, recordings: Sequence[Recording], dense: Sequence[s
     _json(folder / SIDECAR, _sidecar(folder, recordings, dense, features, fps))
 
 
-def _columns(recording: Recording, features: Features, fps: int, number: int, task: int, before: int) -> dict[str, Array]:
+def _columns(recording: Recording, features: Features, fps: int, number: int, task: int, before: int) -> dict[str, Any]:
     """Column -> (T, k) or (T,) of one episode."""
     found = {c: np.column_stack([recording[n].values[:, i] for n, i in entries]) for c, entries in features.sources.items()}
     frames = len(next(iter(found.values())))
@@ -87,7 +87,9 @@ def _tasks(arrow: Any, words: Sequence[str]) -> Any:
     table = arrow.table({"task_index": arrow.array(range(len(words)), type=arrow.int64()), "task": arrow.array(list(words))})
     pandas = {
         "index_columns": ["task"],
-        "column_indexes": [{"name": None, "field_name": None, "pandas_type": "unicode", "numpy_type": "object", "metadata": None}],
+        "column_indexes": [
+            {"name": None, "field_name": None, "pandas_type": "unicode", "numpy_type": "object", "metadata": None}
+        ],
         "columns": [
             {"name": "task_index", "field_name": "task_index", "pandas_type": "int64", "numpy_type": "int64", "metadata": None},
             {"name": "task", "field_name": "task", "pandas_type": "unicode", "numpy_type": "object", "metadata": None},
@@ -97,7 +99,9 @@ def _tasks(arrow: Any, words: Sequence[str]) -> Any:
     return table.replace_schema_metadata({"pandas": json.dumps(pandas)})
 
 
-def _episodes(arrow: Any, episodes: Sequence[Mapping[str, Array]], stats: Sequence[Mapping[str, Any]], tasks: Sequence[str]) -> Any:
+def _episodes(
+    arrow: Any, episodes: Sequence[Mapping[str, Array]], stats: Sequence[Mapping[str, Any]], tasks: Sequence[str]
+) -> Any:
     starts = [int(e["index"][0]) for e in episodes]
     lengths = [len(e["index"]) for e in episodes]
     zeros = [0] * len(episodes)
@@ -124,7 +128,8 @@ def _info(features: Features, fps: int, episodes: int, frames: int, tasks: int) 
     }
     described |= {n: {"dtype": kind, "shape": [1], "names": None} for n, kind in _SCALARS.items()}
     return {
-        "codebase_version": "v3.0", "robot_type": "comanip", "total_episodes": episodes, "total_frames": frames, "total_tasks": tasks,
+        "codebase_version": "v3.0", "robot_type": "comanip", "total_episodes": episodes, "total_frames": frames,
+        "total_tasks": tasks,
         "chunks_size": 1000, "data_files_size_in_mb": 100, "video_files_size_in_mb": 200, "fps": fps,
         "splits": {"train": f"0:{episodes}"}, "data_path": _DATA, "video_path": None, "features": described,
     }  # fmt: skip
@@ -147,7 +152,9 @@ def _beside(folder: Path, recording: Recording, dense: Sequence[str], fps: int) 
         "order": list(recording.channels),
         "channels": {n: [recording[n].unit, recording[n].frame, list(recording[n].axes)] for n in dense},
         "beside": {
-            n: [c.time.tolist(), c.values.tolist(), c.unit, c.frame, list(c.axes)] for n, c in recording.channels.items() if n not in dense
+            n: [c.time.tolist(), c.values.tolist(), c.unit, c.frame, list(c.axes)]
+            for n, c in recording.channels.items()
+            if n not in dense
         },
         "metadata": dict(recording.metadata),
     }
@@ -166,7 +173,9 @@ def digest(side: Mapping[str, Any], recordings: Sequence[Recording]) -> str:
     found = hashlib.sha256(text.encode("utf-8", "surrogatepass"))
     for recording in recordings:
         for name, channel in recording.channels.items():
-            found.update(name.encode("utf-8", "surrogatepass") + channel.time.tobytes() + np.ascontiguousarray(channel.values).tobytes())
+            found.update(
+                name.encode("utf-8", "surrogatepass") + channel.time.tobytes() + np.ascontiguousarray(channel.values).tobytes()
+            )
     return found.hexdigest()
 
 

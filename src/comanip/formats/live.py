@@ -68,7 +68,11 @@ class LiveFile:
         self._queue: queue.Queue[bytes | None] = queue.Queue(BACKLOG)
         share: dict[str, Any] = {"pass_fds": (self._lock.fileno(),)} if os.name == "posix" else {}
         self._writer = subprocess.Popen(
-            command("comanip.formats.live", str(self.path)), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True, **share
+            command("comanip.formats.live", str(self.path)),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+            **share,
         )  # the writer holds the lock, too: after a crash the file is its own until it is closed
         header = json.dumps({"layout": recorder.layout, "frame": recorder.frame, "metadata": self._metadata})
         self._queue.put(header.encode() + b"\n")
@@ -158,7 +162,8 @@ def _free_name(path: Path) -> Path:
 
 
 def keep(path: Path, source: BinaryIO) -> None:
-    """The other process: rows from `source` into `path` until it ends. OSError (disk full) leaves the file cut after a whole record."""
+    """The other process: rows from `source` into `path` until it ends. OSError (disk full) leaves the file cut after a whole
+    record."""
     from mcap.writer import CompressionType, Writer
 
     from . import mcap_file
@@ -167,7 +172,7 @@ def keep(path: Path, source: BinaryIO) -> None:
     layout: dict[str, tuple[int, str, tuple[str, ...]]] = header["layout"]
     width = 1 + sum(columns for columns, _, _ in layout.values())
     with path.open("wb", buffering=0) as out:
-        whole = _Whole(out)
+        whole: Any = _Whole(out)
         try:
             writer = Writer(whole, chunk_size=mcap_file.CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True)
             writer.start(profile="ros2", library="comanip")

@@ -31,7 +31,9 @@ class Lock:
             holder = file.read(64).strip()
             if not _lock(file):
                 file.close()
-                raise RecordingError(f"{self.path.with_suffix('')}: in use by pid {holder or '?'}; give another name, or end that process")
+                raise RecordingError(
+                    f"{self.path.with_suffix('')}: in use by pid {holder or '?'}; give another name, or end that process"
+                )
             if self.path.exists() and os.path.samestat(os.fstat(file.fileno()), self.path.stat()):
                 break
             file.close()  # its holder removed it meanwhile: another try

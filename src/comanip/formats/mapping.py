@@ -1,4 +1,5 @@
-"""Which channels of a bag are the hand's: named by path, or recognised where only one can be meant; turned into one frame; one clock."""
+"""Which channels of a bag are the hand's: named by path, or recognised where only one can be meant; turned into one frame; one
+clock."""
 
 from __future__ import annotations
 
@@ -42,7 +43,8 @@ def mapped(path: Path, recording: Recording, columns: Columns, turns: Sequence[T
 def _obvious(
     path: Path, recording: Recording, columns: Columns, turns: Sequence[Transforms], notes: list[str]
 ) -> tuple[Recording, Columns]:
-    """The recording in one frame and what was recognised; where the user must decide, nothing is, and metadata["hint"] says why."""
+    """The recording in one frame and what was recognised; where the user must decide, nothing is, and metadata["hint"] says
+    why."""
     said: list[str] = []
     found, hint = _recognised(recording, columns, said)
     try:
@@ -119,10 +121,12 @@ def _recognised(recording: Recording, columns: Columns, notes: list[str]) -> tup
         return columns, f"{'; '.join(doubts)}; say which, for example position={first}"
     chosen = {kind: found[0] for kind, found in candidates.items() if found}
     common = [a for a in ("x", "y", "z", "") if all(a in c for c in chosen.values())]
-    if not chosen or "position" not in chosen and "velocity" not in chosen:
+    if not chosen or ("position" not in chosen and "velocity" not in chosen):
         return columns, ""
     if not common:
-        return columns, "; ".join(f"{kind}: {', '.join(c.values())}" for kind, c in chosen.items()) + " share no axis; say which belong together"
+        return columns, "; ".join(
+            f"{kind}: {', '.join(c.values())}" for kind, c in chosen.items()
+        ) + " share no axis; say which belong together"
     axes = _moving(recording, {a: chosen["position"][a] for a in common} if "position" in chosen else {}, common, columns, notes)
     for kind, by in chosen.items():
         columns = replace(columns, **{kind: tuple(by[a] for a in axes)})  # type: ignore[arg-type]
@@ -139,7 +143,8 @@ def _vectors(recording: Recording, kind: str) -> list[Candidate]:
 
 
 def _plain(recording: Recording, kind: str) -> list[Candidate]:
-    """Single numbers whose names say what they are, a file or a namespace at a time: topics "/z", "/Fz"; columns "lift.x", "lift.Fx"."""
+    """Single numbers whose names say what they are, a file or a namespace at a time: topics "/z", "/Fz"; columns "lift.x",
+    "lift.Fx"."""
     places: dict[str, dict[str, str]] = {}
     for name, channel in recording.channels.items():
         if len(channel.axes) == 1 and len(channel.time) and name not in NAME.values():
@@ -163,9 +168,13 @@ def _moving(
     if columns.axes:
         if set(columns.axes) <= set(common):
             return columns.axes
-        raise ParameterError(f"axes {', '.join(columns.axes)}: the signals that were recognised have {', '.join(a or '-' for a in common)}")
+        raise ParameterError(
+            f"axes {', '.join(columns.axes)}: the signals that were recognised have {', '.join(a or '-' for a in common)}"
+        )
     spans = {a: float(np.ptp(_values(recording, name))) for a, name in positions.items()}
-    moving = tuple(a for a in common if not spans.get(a, 1.0) <= _STILL)  # a span that is not finite counts as motion, and is refused later
+    moving = tuple(
+        a for a in common if not spans.get(a, 1.0) <= _STILL
+    )  # a span that is not finite counts as motion, and is refused later
     if 0 < len(moving) < len(common):
         still = [a for a in common if a not in moving]
         notes.append(f"axis {', '.join(still)} left out: {', '.join(positions[a] for a in still)} does not move")
@@ -214,7 +223,8 @@ def _one_frame(path: Path, recording: Recording, columns: Columns, turns: Sequen
     into = recording[sources["position"]]
     at = _orientation_of(recording, sources["position"])
     names = {kind: n for kind, n in sources.items() if kind != "position"}
-    names |= {"torque": n for f in (sources.get("force"), sources.get("sensor_force")) if f for n in _torque_of(recording, f)}
+    force = sources.get("force") or sources.get("sensor_force")
+    names |= dict.fromkeys(("torque",), torque[0]) if force and (torque := _torque_of(recording, force)) else {}
     changed = {
         name: turned(
             path, recording[name], into, f"{kind} {name}", stated=columns.frames, turns=turns,
@@ -260,7 +270,9 @@ def restamped(path: Path, recording: Recording, columns: Columns) -> Recording:
     counts = {n: len(recording[n].time) for n in sources}
     if len(set(counts.values())) > 1:
         listed = ", ".join(f"{n} {count}" for n, count in counts.items())
-        raise ChannelError(f'{path}: time="none" gives all channels one rate, and they have different numbers of frames ({listed})')
+        raise ChannelError(
+            f'{path}: time="none" gives all channels one rate, and they have different numbers of frames ({listed})'
+        )
     note = f"the file's stamps are ignored, as asked: frame i is taken to be at i / {columns.rate_hz:g} s"
     rate = columns.rate_hz
     again = {n: replace(c, time=np.arange(len(c.time)) / rate) for n, c in recording.channels.items() if n != EVENTS}

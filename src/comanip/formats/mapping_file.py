@@ -1,11 +1,11 @@
 """A mapping of columns in a TOML file: what `Columns` has, under the same names.
 
-    position = ["/ee_pose.pose.position.z"]
-    force = "-/ft.wrench.force.z"
-    role = "follower"
+position = ["/ee_pose.pose.position.z"]
+force = "-/ft.wrench.force.z"
+role = "follower"
 
-    [frames]
-    ft_sensor = "hand"
+[frames]
+ft_sensor = "hand"
 """
 
 from __future__ import annotations

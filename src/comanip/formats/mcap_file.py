@@ -151,9 +151,10 @@ def read_mcap(path: Path, data: Any, columns: Columns | None = None, *, recover:
     chunks are left out, with a warning for each.
     """
     columns = columns or Columns()
+    turns: list[messages.Transforms] = []
     walk = walk_wanted(path, data, columns, recover)
     if RECORD in walk.metadata or any(RECORD in c.metadata for c in walk.channels.values()):
-        recording, turns = _own(path, walk, recover), []
+        recording = _own(path, walk, recover)
     elif not walk.channels and walk.faults:
         raise RecordingError(f"{path}: {walk.faults[0]}: nothing else is in it")
     elif not walk.channels and not walk.complete:

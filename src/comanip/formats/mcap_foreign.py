@@ -25,7 +25,11 @@ def topics(path: Path, walk: Walk, notes: list[str]) -> list[Topic]:
         text = schema.data.decode("utf-8", "replace") if schema and schema.encoding == "ros2msg" else None
         text = text or (definition(schema.name) if schema else None)
         if schema is None or text is None or channel.message_encoding != "cdr":
-            kind = f"{channel.message_encoding!r} messages with {schema.encoding!r} definitions" if schema else "messages without type"
+            kind = (
+                f"{channel.message_encoding!r} messages with {schema.encoding!r} definitions"
+                if schema
+                else "messages without type"
+            )
             notes.append(f"{channel.topic} left out: {kind} are not read")
             continue
         found.append(Topic(channel.topic, schema.name, text, walk.messages.get(channel_id, [])))

@@ -132,7 +132,9 @@ def _take(walk: Walk, opcode: int, body: Any) -> None:
     elif opcode == _CHANNEL:
         channel = McapChannel.read(stream)
         if walk.channels.setdefault(channel.id, channel) != channel:
-            raise RecordingError(f"channel {channel.id} is announced twice, as {walk.channels[channel.id].topic!r} and {channel.topic!r}")
+            raise RecordingError(
+                f"channel {channel.id} is announced twice, as {walk.channels[channel.id].topic!r} and {channel.topic!r}"
+            )
         walk.messages.setdefault(channel.id, [])
     elif opcode == _CHUNK:
         _take_chunk(walk, Chunk.read(stream))
@@ -172,5 +174,3 @@ def _stream(body: Any) -> Any:
     from mcap.data_stream import ReadDataStream
 
     return ReadDataStream(io.BytesIO(bytes(body)))
-
-

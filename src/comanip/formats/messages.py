@@ -17,7 +17,7 @@ from ..errors import ParameterError, RecordingError
 from ..interfaces import Array
 from ..recording import Channel, Recording
 from .events import EVENTS, coded
-from .ros2 import Decoder, Shape, frame_of, leaves, plain, table, values
+from .ros2 import Block, Decoder, Shape, frame_of, leaves, plain, table, values
 from .ros2_types import UNITS
 
 CLOCKS = ("header", "log", "publish")
@@ -149,7 +149,7 @@ def _time(topic: Topic, groups: Groups, clock: str | None, notes: list[str]) -> 
     still = len(stamps) > 1 and bool((stamps == stamps[0]).all()) and stamps[0] != 0.0
     absent = bool((stamps == 0.0).any())
     if clock == "header" and absent:
-        raise RecordingError("time=\"header\" was asked for, and its messages have no stamps; try time=\"log\"")
+        raise RecordingError('time="header" was asked for, and its messages have no stamps; try time="log"')
     if clock == "header" or not (still or absent):
         notes.append(f"{topic.name}: stamps from the headers")
         return stamps
@@ -170,7 +170,8 @@ def _header_stamps(topic: Topic, groups: Groups) -> Array:
 
 
 def _by_joints(groups: Groups) -> dict[str, Groups]:
-    """Messages of several robots on one topic, apart: by the names of their joints, the first named alone where there is one set."""
+    """Messages of several robots on one topic, apart: by the names of their joints, the first named alone where there is one
+    set."""
     parts: dict[tuple[str, ...], Groups] = {}
     for shape, rows in groups:
         names = tuple(text for path, text in shape.texts.items() if path.startswith("name["))
@@ -215,15 +216,15 @@ def _under(topic: str, group: str) -> str:
     return f"{topic}.{group}" if group else topic
 
 
-def _grouped(shape: Shape) -> list[tuple[str, tuple[str, ...], str, list]]:  # type: ignore[type-arg]
+def _grouped(shape: Shape) -> list[tuple[str, tuple[str, ...], str, list[Block]]]:
     """(group, axes, unit, blocks) of a shape."""
-    singles: dict[str, list] = {}  # type: ignore[type-arg]
-    found = []
+    singles: dict[str, list[tuple[str, Block]]] = {}
+    found: list[tuple[str, tuple[str, ...], str, list[Block]]] = []
     for group, axis, block in leaves(shape):
         if axis:
             singles.setdefault(group, []).append((axis, block))
         else:
-            found.append((group, _array_axes(shape, group, block.count or 0), "", [block]))
+            found.append((group, _array_axes(shape, group, block.length or 0), "", [block]))
     for group, pairs in singles.items():
         unit = _unit(shape, group)
         axes, blocks = [a for a, _ in pairs], [b for _, b in pairs]

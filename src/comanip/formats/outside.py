@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -68,10 +69,8 @@ def _stop() -> None:
         _server.kill()
         for pipe in (_server.stdin, _server.stdout):
             if pipe is not None:
-                try:
+                with suppress(OSError):  # what it did not read any more
                     pipe.close()
-                except OSError:  # what it did not read any more
-                    pass
         _server.wait()
         _server = None
 

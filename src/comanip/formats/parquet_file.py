@@ -37,9 +37,7 @@ class Episodes:
         """`table`: column -> (T,) or (T, k); `names` of the entries of list columns."""
         self.path, self.notes = path, notes
         self._table, self._cuts = table, np.cumsum(lengths)[:-1]
-        self._entries = {
-            f"{column}.{entry}": (column, i) for column, entries in names.items() for i, entry in enumerate(entries)
-        }
+        self._entries = {f"{column}.{entry}": (column, i) for column, entries in names.items() for i, entry in enumerate(entries)}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -108,7 +106,9 @@ def read_table(path: Path) -> tuple[Any, Mapping[bytes, bytes]]:
             cells = head.num_rows * max(head.num_columns, 1)
             size = sum(head.row_group(i).total_byte_size for i in range(head.num_row_groups))
             if cells > MAX_CELLS or size > 8 * MAX_CELLS:
-                raise RecordingError(f"{path}: {head.num_rows} rows of {head.num_columns} columns: too much at once; learn with --stream")
+                raise RecordingError(
+                    f"{path}: {head.num_rows} rows of {head.num_columns} columns: too much at once; learn with --stream"
+                )
             table = file.read()
             return table, dict(table.schema.metadata or {})
     except (arrow.ArrowException, OSError, ValueError, KeyError, TypeError, OverflowError) as error:
@@ -167,8 +167,10 @@ def episode_lengths(path: Path, numbers: Mapping[str, Array]) -> list[int]:
     seen = index[starts[:-1]]
     if len(np.unique(seen)) != len(seen):
         again = next(v for i, v in enumerate(seen.tolist()) if v in seen[:i])
-        raise RecordingError(f"{path}: rows of episode {again:g} stand apart from each other: sort the table by {EPISODE}, {INDEX}")
-    return np.diff(starts).tolist()  # type: ignore[no-any-return]
+        raise RecordingError(
+            f"{path}: rows of episode {again:g} stand apart from each other: sort the table by {EPISODE}, {INDEX}"
+        )
+    return np.diff(starts).tolist()
 
 
 def obvious(numbers: Mapping[str, Array], names: Mapping[str, Sequence[str]], columns: Columns, notes: list[str]) -> Columns:
@@ -239,7 +241,9 @@ def write_parquet(recordings: Sequence[Recording], path: Path) -> None:
             arrays.append(arrow.array(column, mask=absent, from_pandas=False))
             names.append(f"{name}.{axis}")
     metadata = {OURS: head.encode(), b"comanip.sha256": digest(head, recording.channels).encode()}
-    table = arrow.Table.from_arrays(arrays, schema=arrow.schema(list(zip(names, [a.type for a in arrays], strict=True)), metadata))
+    table = arrow.Table.from_arrays(
+        arrays, schema=arrow.schema(list(zip(names, [a.type for a in arrays], strict=True)), metadata)
+    )
     part = path.with_name(f".{path.name[:40]}.tmp")
     try:
         parquet.write_table(table, part, write_page_checksum=True, compression="zstd")
@@ -282,5 +286,3 @@ def _own(path: Path, table: Any, head: bytes, recover: bool) -> Recording:
     if (table.schema.metadata or {}).get(b"comanip.sha256", b"").decode("latin-1") != digest(text, channels):
         raise RecordingError(f"{path}: its sha256 does not match: some byte was changed")
     return Recording(channels, metadata)
-
-

@@ -13,10 +13,11 @@ from .locks import Lock
 
 
 def recover(path: str | Path, out: str | Path | None = None) -> tuple[Path, Recording]:
-    """(the new file, what it holds). `path` stays as it is; `out` is beside it by default ("take.live.mcap" -> "take.recovered.mcap").
+    """(the new file, what it holds). `path` stays as it is; `out` is beside it by default ("take.live.mcap" ->
+    "take.recovered.mcap").
 
-    What is lost is in the recording's metadata["notes"] and "recovered". RecordingError when nothing can be read, when the file is
-    being written by another process, or when `out` is there already.
+    What is lost is in the recording's metadata["notes"] and "recovered". RecordingError when nothing can be read, when the file
+    is being written by another process, or when `out` is there already.
     """
     path = Path(path)
     target = Path(out) if out is not None else _beside(path)
@@ -34,7 +35,10 @@ def recover(path: str | Path, out: str | Path | None = None) -> tuple[Path, Reco
             found = read(path, recover=True)
         if len(found) != 1 or not any(len(c.time) for c in found[0].channels.values()):
             raise RecordingError(f"{path}: {len(found)} recordings with frames in them; recover takes one file of one recording")
-        notes = [*found[0].metadata.get("notes", ()), *([f"the lock of pid {lock.left_by}, which is gone, was removed"] if lock.left_by else [])]
+        notes = [
+            *found[0].metadata.get("notes", ()),
+            *([f"the lock of pid {lock.left_by}, which is gone, was removed"] if lock.left_by else []),
+        ]
         recording = found[0].with_metadata(notes=notes, recovered=_said(found[0]))
         write(recording, target)
     finally:

@@ -1,7 +1,7 @@
 """ROS 2 messages of any type: from the text of a definition and bytes (CDR) to columns of numbers.
 
-A message is walked once for each shape it comes in (lengths of its strings and sequences); all messages of one shape are then read
-as the rows of one table. Nothing in the bytes is trusted: every length is held against what is there.
+A message is walked once for each shape it comes in (lengths of its strings and sequences); all messages of one shape are then
+read as the rows of one table. Nothing in the bytes is trusted: every length is held against what is there.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ _NO_SIGNALS = (HEADER, TIME, "builtin_interfaces/Duration", "std_msgs/MultiArray
 
 
 class Field(NamedTuple):
-    """One line of a definition; `count` is None for a single value, -1 for a sequence, else the length of an array."""
+    """One line of a definition; `length` is None for a single value, -1 for a sequence, else the length of an array."""
 
     name: str
     type: str
-    count: int | None
+    length: int | None
 
 
 class Block(NamedTuple):
@@ -45,7 +45,7 @@ class Block(NamedTuple):
     path: str
     offset: int
     code: str
-    count: int | None
+    length: int | None
     of: str
 
 
@@ -154,7 +154,7 @@ def table(shape: Shape, messages: Sequence[bytes]) -> np.ndarray:
 
 def values(rows: np.ndarray, block: Block) -> Array:
     """(n, count) numbers of a block; 64-bit integers beyond 2^53 are rounded."""
-    count = 1 if block.count is None else block.count
+    count = 1 if block.length is None else block.length
     dtype = np.dtype(block.code)
     part = np.ascontiguousarray(rows[:, block.offset : block.offset + count * dtype.itemsize])
     return part.view(dtype).reshape(len(rows), count).astype(np.float64)
@@ -193,7 +193,7 @@ class _Walker:
             self._skip(path, 1, 1)  # a struct without fields travels as one byte
 
     def _field(self, owner: str, field: Field, path: str, depth: int, kept: bool) -> None:
-        count = field.count
+        count = field.length
         if count == -1:
             at = self._align(4)
             count = self._length(path)
@@ -215,7 +215,7 @@ class _Walker:
             return
         at = self._align(size)
         self._skip(path, size, many)
-        if kept and many <= MAX_NUMBERS and not (field.count == -1 and code in _BLOB):
+        if kept and many <= MAX_NUMBERS and not (field.length == -1 and code in _BLOB):
             self._blocks.append(Block(path, at, self._order + code, count, owner))
 
     def _text(self, path: str, wide: bool) -> None:
@@ -251,7 +251,7 @@ def leaves(shape: Shape) -> Iterator[tuple[str, str, Block]]:
         parents = _parents(block.path)
         if any(shape.types.get(p) in _NO_SIGNALS for p in parents):
             continue
-        if block.count is None:
+        if block.length is None:
             group, _, axis = block.path.rpartition(".")
             yield group, axis, block
         else:

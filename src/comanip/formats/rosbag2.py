@@ -166,7 +166,7 @@ def _add_sqlite(found: _Found, path: Path) -> None:
     try:
         with closing(_opened(path)) as base:
             _add_tables(found, path, base)
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeError, OverflowError) as error:  # names of columns that are no text raise the second
         raise RecordingError(f"{path}: not readable as a bag in SQLite: {' '.join(str(error).split())}") from None
 
 
@@ -186,7 +186,9 @@ def _opened(path: Path) -> sqlite3.Connection:
 def _add_tables(found: _Found, path: Path, base: sqlite3.Connection) -> None:
     tables = {name for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     if not {"topics", "messages"} <= tables:
-        raise RecordingError(f"{path}: a database without the tables of a bag (topics, messages); it has: {', '.join(sorted(tables))}")
+        raise RecordingError(
+            f"{path}: a database without the tables of a bag (topics, messages); it has: {', '.join(sorted(tables))}"
+        )
     damaged = base.execute("PRAGMA quick_check(1)").fetchone()
     if damaged and damaged[0] != "ok":
         raise RecordingError(f"{path}: damaged: {' '.join(str(damaged[0]).split())}")
@@ -228,5 +230,7 @@ def _fill(path: Path, base: sqlite3.Connection, topics: dict[int, Topic], notes:
         topic.messages.append(Message(stamp, stamp, len(topic.messages), data))
     for number, size in large.items():
         if size:
-            notes.append(f"{topics[number].name}: messages of up to {size / 2**20:.3g} MB left out: pictures and clouds are not read")
+            notes.append(
+                f"{topics[number].name}: messages of up to {size / 2**20:.3g} MB left out: pictures and clouds are not read"
+            )
     return seen

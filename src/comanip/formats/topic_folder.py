@@ -1,5 +1,5 @@
-"""Folders of CSV files: one file a topic, each with its own stamps and number of rows (bagpy, rostopic, ros2 topic echo --csv), as a bag;
-or files of one length side by side, as one table."""
+"""Folders of CSV files: one file a topic, each with its own stamps and number of rows (bagpy, rostopic, ros2 topic echo --csv),
+as a bag; or files of one length side by side, as one table."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ _UNITS = {"position": "m", "translation": "m", "force": "N", "torque": "N m", "l
 
 
 def open_folder(path: Path, data: Any, columns: Columns, recover: bool) -> Sequence[Recording]:
-    files = sorted(p for p in path.iterdir() if p.name.lower().endswith((".csv", ".tsv", ".csv.gz")) and not p.name.startswith("."))
+    files = sorted(
+        p for p in path.iterdir() if p.name.lower().endswith((".csv", ".tsv", ".csv.gz")) and not p.name.startswith(".")
+    )
     if not files:
         raise RecordingError(f"{path}: a directory without .csv files (names that begin with a dot are left out)")
     texts = {f.name.split(".csv")[0].removesuffix(".tsv"): _text(f) for f in files}
@@ -132,7 +134,10 @@ def _time(stem: str, table: CsvTable, columns: Columns, notes: list[str]) -> Arr
         header = _seconds(table, name, columns)
     moves = header is not None and bool((header > 0.0).all()) and len(np.unique(header)) > 1
     if header is None or columns.time == "log" or (not moves and columns.time != "header"):
-        notes.append(f"{stem}: stamps from the column {log_name!r}" + ("; its headers stand still" if header is not None and not moves else ""))
+        notes.append(
+            f"{stem}: stamps from the column {log_name!r}"
+            + ("; its headers stand still" if header is not None and not moves else "")
+        )
         return log
     notes.append(f"{stem}: stamps from the headers")
     return header
@@ -149,7 +154,8 @@ def _seconds(table: CsvTable, name: str, columns: Columns) -> Array:
 
 
 def _channels(stem: str, table: CsvTable, time: Array, notes: list[str]) -> dict[str, Channel]:
-    """Columns "pose.position.x" of a file "ee_pose" as the channel "ee_pose.pose.position", axis x; a name without dots is a channel."""
+    """Columns "pose.position.x" of a file "ee_pose" as the channel "ee_pose.pose.position", axis x; a name without dots is a
+    channel."""
     groups: dict[tuple[str, str], list[tuple[str, str]]] = {}
     for name in table.names:
         plain = _FIELD.sub("", unit_in(name)[0].strip())

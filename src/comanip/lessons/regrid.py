@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import ParameterError
+from ..interfaces import Array
 from ..recording import Recording
 from .faults import cleaned
 from .stamps import one_rate
@@ -22,6 +23,6 @@ def regridded(recording: Recording, rate_hz: float) -> Recording:
     steady = {n: cleaned(f"{where}: {n}", c, drop_bad=False, min_frames=4, notes=notes) for n, c in steady.items()}
     dt, signals = one_rate(steady, rate_hz, where, notes)
     start = max(float(c.time[0]) for c in steady.values())
-    time = start + dt * np.arange(len(next(iter(signals.values()))))
+    time: Array = start + dt * np.arange(len(next(iter(signals.values()))), dtype=np.float64)
     channels = {n: replace(c, time=time, values=signals[n]) for n, c in steady.items()}
     return recording.with_channels(channels).with_metadata(notes=[*recording.metadata.get("notes", ()), *notes])

@@ -1,7 +1,7 @@
 """Data in many files, read a piece at a time: Parquet tables, LeRobot data sets, and every format of `comanip.formats`.
 
-A reader is called with a path and yields pieces, lists of whole sequences (T, D); it pickles, so that workers can. `checked` holds
-every episode against what a lesson in memory is held against, once, before the passes begin.
+A reader is called with a path and yields pieces, lists of whole sequences (T, D); it pickles, so that workers can. `checked`
+holds every episode against what a lesson in memory is held against, once, before the passes begin.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ def files_of(paths: Sequence[str | Path]) -> list[str]:
 
 
 def rate_of(folder: str | Path) -> float | None:
-    """Frames a second of a LeRobot data set, from its meta/info.json; None for anything else. RecordingError for a rate that is none."""
+    """Frames a second of a LeRobot data set, from its meta/info.json; None for anything else. RecordingError for a rate that is
+    none."""
     if not (Path(folder) / "meta" / "info.json").exists():
         return None
     from ..formats.lerobot import facts_of
@@ -54,15 +55,13 @@ class Checked(NamedTuple):
     untouched: bool
 
 
-R = TypeVar("R", bound="Reader")
+R = TypeVar("R")
 
 
 class Reader(Protocol):
-    """What `checked` asks of a reader."""
+    """What `checked` asks of a reader, besides `prepared`, which gives a reader of its own kind."""
 
     def check(self, path: str, dt: float, role: str) -> Checked: ...
-
-    def prepared(self: R, paths: Sequence[str], dt: float, role: str) -> R: ...
 
 
 def check_file(reader: Reader, path: str, dt: float, role: str) -> Checked:
@@ -83,7 +82,7 @@ def checked(reader: R, paths: Sequence[str], found: Iterable[Checked], dt: float
     listed = list(notes)
     if len(listed) > MOST_NOTES:
         listed = [*listed[:MOST_NOTES], f"and {len(listed) - MOST_NOTES} more notes of this kind"]
-    return (reader.prepared(touched, dt, role) if touched else reader), listed
+    return (reader.prepared(touched, dt, role) if touched else reader), listed  # type: ignore[attr-defined]
 
 
 def _listened(make: Iterable[Demonstration]) -> tuple[list[Demonstration], list[str]]:
@@ -133,6 +132,7 @@ class ParquetShards:
         return Checked(tuple(notes), tuple(suspicions), untouched)
 
     def prepared(self, paths: Sequence[str], dt: float, role: str) -> ParquetShards:
+        """The reader that prepares the episodes of these files anew in every pass, as lessons in memory are."""
         return replace(self, changed=(frozenset(paths), dt, role))
 
     def _lesson(self, path: str, number: float, frames: Array, stamps: Array, dt: float, role: str) -> Demonstration:
@@ -158,7 +158,7 @@ class ParquetShards:
         for piece in self._episodes(path, wanted, (INDEX, STAMP)):
             for number, rows in piece.items():
                 frames, index, stamps = rows[:, : len(wanted)], rows[:, len(wanted)], rows[:, len(wanted) + 1]
-                exact = np.arange(len(frames)) * dt
+                exact: Array = np.arange(len(frames), dtype=np.float64) * dt
                 if np.isfinite(index).any():
                     check_order(path, {INDEX: index, EPISODE: np.full(len(index), number)}, [len(index)], row=at)
                 if np.isfinite(stamps).any():
@@ -191,7 +191,9 @@ class ParquetShards:
         rest, episode, seen = np.empty((0, len(wanted) + len(more))), None, set()
         for batch in file.iter_batches(batch_size=PIECE, columns=sorted(columns | set(present))):
             empty = np.full(batch.num_rows, np.nan)
-            frames = np.column_stack([_column(path, batch, c) if c not in more or c in present else empty for c in (*wanted, *more)])
+            frames = np.column_stack(
+                [_column(path, batch, c) if c not in more or c in present else empty for c in (*wanted, *more)]
+            )
             numbers = _column(path, batch, self.episode) if self.episode else np.zeros(len(frames))
             before = numbers[0] if episode is None else episode
             cuts = np.flatnonzero(np.diff(numbers, prepend=before)) + len(rest)
@@ -201,14 +203,18 @@ class ParquetShards:
             piece: dict[float, Array] = {}
             for owner, sequence in zip(owners, whole, strict=False):
                 if owner in seen:
-                    raise RecordingError(f"{path}: rows of episode {owner:g} stand apart from each other: sort the table by {self.episode}")
+                    raise RecordingError(
+                        f"{path}: rows of episode {owner:g} stand apart from each other: sort the table by {self.episode}"
+                    )
                 seen.add(owner)
                 piece |= {owner: sequence} if len(sequence) else {}
             if piece:
                 yield piece
         if len(rest):
             if episode in seen:
-                raise RecordingError(f"{path}: rows of episode {episode:g} stand apart from each other: sort the table by {self.episode}")
+                raise RecordingError(
+                    f"{path}: rows of episode {episode:g} stand apart from each other: sort the table by {self.episode}"
+                )
             yield {float(episode or 0.0): rest}
 
 
@@ -255,9 +261,12 @@ class RecordingShards:
         lessons, said = _listened(made())
         other = [lesson for lesson in lessons if abs(lesson.dt / dt - 1.0) > 1e-6]
         if other:
-            raise RecordingError(f"{path}: frames at {1 / other[0].dt:g} Hz, the other files at {1 / dt:g} Hz; state the rate to work at")
+            raise RecordingError(
+                f"{path}: frames at {1 / other[0].dt:g} Hz, the other files at {1 / dt:g} Hz; state the rate to work at"
+            )
         notes = dict.fromkeys(note for lesson in lessons for note in lesson.notes if note not in said)
         return Checked(tuple(notes), tuple(said), True)
 
     def prepared(self, paths: Sequence[str], dt: float, role: str) -> RecordingShards:
+        """Itself: its recordings are prepared in every pass."""
         return self
