@@ -160,7 +160,8 @@ def test_a_lerobot_folder_is_learned_from_without_being_loaded(tmp_path, lessons
     (tmp_path / "meta" / "info.json").write_text('{"fps": 100, "codebase_version": "v3.0"}')
     columns = ("--position", "observation.state[0]", "--force", "observation.state[1]", "--velocity", "action[0]")
     found = []
-    for how in (("--stream", "--workers", 1), ("--stream", "--workers", 1, "--force-unit", "N"), ()):  # as it is, prepared, in memory
+    streamed = ("--stream", "--workers", 1)
+    for how in (streamed, (*streamed, "--force-unit", "N"), ()):  # as it is, prepared, in memory
         learned = answer("learn", tmp_path, "-o", tmp_path / "s.json", "--role", "follower", *how, *columns)
         assert learned["rate_hz"] == 100.0
         assert learned["channels"] == ["position.z", "force.z", "velocity.z"]

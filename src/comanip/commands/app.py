@@ -6,6 +6,7 @@ line for input that cannot be used.
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -43,6 +44,7 @@ def main() -> None:
         print(f"warning: {message}", file=sys.stderr)
 
     warnings.showwarning = show
+    os.environ.setdefault("PYTHONSAFEPATH", "1")  # workers run no csv.py or signal.py that lies in the user's folder
     try:
         app(exit_on_error=False, print_error=False, help_on_error=False)
     except (CycloptsError, ComanipError) as error:
@@ -131,7 +133,10 @@ def inspect(
 
 @app.command
 def convert(file: Path, out: Path, /, *, data: Data = DataFlags(), json: Json = False) -> None:
-    """Rewrite one recording as .mcap or .csv: comanip convert lift.csv lift.mcap --position z --force Fz --rate-hz 100"""
+    """Rewrite recordings: comanip convert lift.csv lift.mcap --position z --force Fz --rate-hz 100
+
+    FILE may be anything that is read, a folder too; OUT ends in .mcap, .csv, .parquet, .hdf5 or .lerobot (the last two hold several).
+    """
     from . import learning as command
 
     command.convert(file, out, data, json)

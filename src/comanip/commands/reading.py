@@ -76,7 +76,8 @@ def reader_of(
     groups = ("position", "force", "velocity") if with_force else ("position", "velocity")
     prepared = any(getattr(flags, name) not in (None, False) for name in PREPARED)
     if prepared or not flags.position or not all(p.endswith(".parquet") for p in paths):
-        preparation = preparation_of(flags)
+        rate = flags.rate_hz or next((r for f in files if (r := rate_of(f))), None)
+        flags, preparation = replace(flags, rate_hz=rate), preparation_of(flags)
         first = read_lessons([Path(paths[0])], flags)[0]
         names = tuple(c for c in first.channels if c.split(".")[0] in groups)
         preparation = replace(preparation, rate_hz=preparation.rate_hz or 1.0 / first.dt)
