@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import warnings
 from dataclasses import replace
@@ -196,7 +197,7 @@ def test_a_file_of_a_newer_version_says_so(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     write(lift(), path)
     if suffix == ".csv":
-        path.write_text(path.read_text().replace('"version": 1', '"version": 9', 1))
+        path.write_text(re.sub(r'"version": \d', '"version": 9', path.read_text(), count=1))
     elif suffix == ".lerobot":
         side = json.loads((path / "meta/comanip.json").read_text())
         (path / "meta/comanip.json").write_text(json.dumps({**side, "version": 9}))
@@ -211,7 +212,7 @@ def test_a_file_of_a_newer_version_says_so(tmp_path, suffix):
         table = parquet.read_table(path)
         head = {k: v.replace(b'"version": 1', b'"version": 9') for k, v in table.schema.metadata.items()}
         parquet.write_table(table.replace_schema_metadata(head), path)
-    with pytest.raises(RecordingError, match="written as version 9; this comanip reads up to 1"):
+    with pytest.raises(RecordingError, match="written as version 9; this comanip reads up to"):
         read(path)
 
 

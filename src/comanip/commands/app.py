@@ -135,7 +135,8 @@ def inspect(
 def convert(file: Path, out: Path, /, *, data: Data = DataFlags(), json: Json = False) -> None:
     """Rewrite recordings: comanip convert lift.csv lift.mcap --position z --force Fz --rate-hz 100
 
-    FILE may be anything that is read, a folder too; OUT ends in .mcap, .csv, .parquet, .hdf5 or .lerobot (the last two hold several).
+    FILE may be anything that is read, a folder too; OUT ends in .mcap, .csv, .parquet, .hdf5 or .lerobot
+    (the last two hold several recordings).
     """
     from . import learning as command
 

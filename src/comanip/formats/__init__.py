@@ -6,14 +6,16 @@ A format is recognised by its first bytes, then by its extension, a folder by wh
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..errors import ComanipError, ParameterError, RecordingError
+from ..errors import ParameterError, RecordingError, given
 from ..recording import Recording
 from .columns import Columns
+from .packed import packing, unpacked
 
 __all__ = ["FORMATS", "Columns", "Format", "read", "recover", "write", "write_all"]
 
@@ -56,9 +58,9 @@ FORMATS: tuple[Format, ...] = (
     Format("mcap", "mcap_file:open_mcap", "mcap_file:write_one", (b"\x89MCAP0\r\n",), (".mcap",), limit_mb=8192),
     Format("bag", "rosbag2:open_folder", marks=("metadata.yaml",)),
     Format("sqlite bag", "rosbag2:open_file", "", (b"SQLite format 3\0",), (".db3",), limit_mb=8192),
-    Format("numpy", "tables:open_numpy", "", (b"\x93NUMPY",), (".npz", ".npy")),
-    Format("hdf5", "hdf5_file:open_hdf5", "hdf5_file:write_hdf5", (b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3"), (".hdf5", ".h5")),
-    Format("matlab", "tables:open_mat", "", (b"MATLAB 5.0",), (".mat",)),
+    Format("numpy", "tables:open_numpy", "", (b"\x93NUMPY",), (".npz", ".npy"), whole=True),
+    Format("hdf5", "hdf5_file:open_hdf5", "hdf5_file:write_hdf5", (b"\x89HDF\r\n\x1a\n",), (".hdf5", ".h5")),
+    Format("matlab", "tables:open_mat", "", (b"MATLAB ",), (".mat",), whole=True),
     Format("lerobot", "lerobot:open_folder", "lerobot:write_dataset", suffixes=(".lerobot",),
            marks=("meta/info.json", "data/**/*.parquet")),
     Format("parquet", "parquet_file:open_parquet", "parquet_file:write_parquet", (b"PAR1",), (".parquet", ".pq")),
@@ -71,7 +73,7 @@ _REFUSED = {
     b"PK\x03\x04": "",
 }
 _HEAD = 512
-_PACKED = (b"\x1f\x8b", b"BZh", b"\xfd7zXZ\0", b"\x28\xb5\x2f\xfd")
+_APPLE_DOUBLE = b"\x00\x05\x16\x07"
 
 
 def read(path: str | Path, columns: Columns | None = None, *, recover: bool = False) -> tuple[Recording, ...]:
@@ -84,17 +86,25 @@ def read(path: str | Path, columns: Columns | None = None, *, recover: bool = Fa
 
     Raises RecordingError for a file that cannot be read, ChannelError for a column that is not there.
     """
-    path, columns = Path(path), columns or Columns()
+    path, columns = _path(path), _columns(columns)
     try:
         return _of_folder(path, columns, recover) if path.is_dir() else _of_file(path, columns, recover)
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror or error}") from None
     except MemoryError:
         raise RecordingError(f"{path}: it takes more memory than there is: cut it into takes") from None
-    except ComanipError as error:
-        if "\n" not in str(error):
-            raise
-        raise type(error)(" ".join(str(error).splitlines())) from None  # a file name may hold a line break
+
+
+def _path(path: str | Path) -> Path:
+    if not isinstance(path, str | os.PathLike):
+        raise ParameterError(f"the path is {given(path)}; allowed: a path, as text or pathlib.Path; one file at a time")
+    return Path(path)
+
+
+def _columns(columns: Columns | None) -> Columns:
+    if columns is not None and not isinstance(columns, Columns):
+        raise ParameterError(f"columns is {given(columns)}; allowed: Columns(position='z', force='Fz', ...)")
+    return columns or Columns()
 
 
 def _of_folder(path: Path, columns: Columns, recover: bool) -> tuple[Recording, ...]:
@@ -112,7 +122,9 @@ def _of_file(path: Path, columns: Columns, recover: bool) -> tuple[Recording, ..
         head, data = stream.read(_HEAD), None
     if not head:
         raise RecordingError(f"{path}: no frames: the file is empty")
-    if head.startswith(_PACKED):
+    if head.startswith(_APPLE_DOUBLE):
+        raise RecordingError(f"{path}: macOS's note beside a file (AppleDouble), no recording; leave it out")
+    if packing(head):
         data = _unpacked(path)
         head = data[:_HEAD]
     form = format_of(path, head)
@@ -127,9 +139,7 @@ def _of_file(path: Path, columns: Columns, recover: bool) -> tuple[Recording, ..
 
 
 def _unpacked(path: Path) -> bytes:
-    from .files import unpacked
-
-    limit = max(form.limit_mb for form in FORMATS if form.whole) << 20
+    limit = next(form.limit_mb for form in FORMATS if "" in form.suffixes) << 20
     if path.stat().st_size > limit:
         raise RecordingError(f"{path}: {path.stat().st_size >> 20} MB packed; the limit is {limit >> 20} MB: cut it into takes")
     return unpacked(path, path.read_bytes(), limit)
@@ -137,7 +147,9 @@ def _unpacked(path: Path) -> bytes:
 
 def format_of(path: Path, head: bytes) -> Format:
     """By the first bytes (a file cut within them counts), then by the extension, else text."""
-    suffix = path.suffix.lower()
+    suffix = inner_suffix(path)
+    if suffix == ".mat" and not _is_text(head):  # by any first bytes: version 7.3 is HDF5
+        return next(form for form in FORMATS if suffix in form.suffixes)
     for form in FORMATS:
         if any(head.startswith(magic[: len(head)]) and head[0] == magic[0] for magic in form.magic):
             return form
@@ -146,13 +158,20 @@ def format_of(path: Path, head: bytes) -> Format:
     for magic, remedy in _REFUSED.items():
         if head.startswith(magic):
             raise RecordingError(f"{path}: " + (remedy or f"not a recording: starts with {head[:4].hex()}"))
-    if suffix == ".mat" or (suffix in (".db3",) and not _is_text(head)):
+    if suffix == ".db3" and not _is_text(head):
         return next(form for form in FORMATS if suffix in form.suffixes)
     return next(form for form in FORMATS if "" in form.suffixes)
 
 
+def inner_suffix(path: Path) -> str:
+    """The extension, below that of a packer: ".npy" of lift.npy.gz."""
+    suffix = path.suffix.lower()
+    return path.with_suffix("").suffix.lower() if suffix in (".gz", ".bz2", ".xz", ".zst") else suffix
+
+
 def _is_text(head: bytes) -> bool:
-    return not any(byte < 9 for byte in head)
+    """Whether a .mat or .db3 holds a table (save -ascii) rather than its own layout."""
+    return not head.translate(None, b"0123456789+-.eEdDnNaAiIfF,; \t\r\n")
 
 
 def writable() -> dict[str, Format]:
@@ -168,7 +187,10 @@ def write(recording: Recording, path: str | Path) -> None:
 def write_all(recordings: Sequence[Recording], path: str | Path) -> None:
     """Stores recordings in one file or folder. Raises ParameterError for an extension that is not written, RecordingError for
     recordings that the format cannot hold as they are."""
-    path = Path(path)
+    path = _path(path)
+    wrong = next((r for r in recordings if not isinstance(r, Recording)), None)
+    if wrong is not None:
+        raise ParameterError(f"got {given(wrong)} to write; allowed: a Recording")
     suffix = path.suffix.lower()
     form = writable().get(suffix)
     if form is None:

@@ -19,7 +19,7 @@ import numpy as np
 from ..errors import ChannelError, RecordingError
 from ..interfaces import Array
 from ..recording import Channel, Recording
-from .assemble import assemble, remapped
+from .assemble import assemble
 from .columns import Columns, sign_and_name, unknown
 from .outside import Parts, ask
 
@@ -84,9 +84,9 @@ def _cut(path: Path, name: str, array: Array, part: str) -> Array:
 def open_hdf5(path: Path, data: Any, columns: Columns, recover: bool) -> Sequence[Recording]:
     parts, facts = ask("hdf5_inside:contents", path)
     if OURS in facts:
-        from .mapping import restamped
+        from .mapping import finished
 
-        return [remapped(path, restamped(path, r, columns), columns) for r in _own(path, parts, facts[OURS])]
+        return [finished(path, r, columns) for r in _own(path, parts, facts[OURS])]
     notes = list(facts["notes"])
     if not parts:
         raise RecordingError(f"{path}: no frames: it holds no array of numbers{'; ' + '; '.join(notes[:8]) if notes else ''}")

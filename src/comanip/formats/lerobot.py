@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import ChannelError, ParameterError, RecordingError
 from ..interfaces import Array
 from ..recording import Channel, Recording
-from .assemble import assemble, remapped
+from .assemble import assemble
 from .columns import NAME, Columns
 from .parquet_file import EPISODE, INDEX, STAMP, Episodes, numeric, obvious, read_table
 
@@ -354,7 +354,7 @@ def _own(
 ) -> list[Recording]:
     """What `write_dataset` wrote, channel by channel, with the stamps, units, frames and metadata it had."""
     from .lerobot_write import digest
-    from .mapping import restamped
+    from .mapping import finished
 
     side = _json(path / SIDECAR)
     try:
@@ -376,7 +376,7 @@ def _own(
         ) from None
     if side.get("sha256") != digest(side, found):
         raise RecordingError(f"{path}: the sha256 in {SIDECAR} does not match: some byte was changed")
-    return [remapped(path, restamped(path, r, columns), columns) for r in found]
+    return [finished(path, r, columns) for r in found]
 
 
 def _episode(table: Mapping[str, Array], features: Mapping[str, Any], episode: Mapping[str, Any]) -> Recording:

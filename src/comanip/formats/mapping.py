@@ -37,7 +37,7 @@ def mapped(path: Path, recording: Recording, columns: Columns, turns: Sequence[T
     recording = recording.with_channels(_beside(recording, columns, notes))
     if notes:
         recording = recording.with_metadata(notes=[*recording.metadata.get("notes", ()), *notes])
-    return remapped(path, restamped(path, recording, columns), columns)
+    return finished(path, recording, columns)
 
 
 def _obvious(
@@ -252,6 +252,11 @@ def _beside(recording: Recording, columns: Columns, notes: list[str]) -> dict[st
         found[TORQUE] = recording[name]
         notes.append(f"{name} taken as {TORQUE}")
     return found
+
+
+def finished(path: Path, recording: Recording, columns: Columns) -> Recording:
+    """The recording under its mapping, on the clock that was asked for."""
+    return remapped(path, restamped(path, recording, columns), replace(columns, time=None))
 
 
 def restamped(path: Path, recording: Recording, columns: Columns) -> Recording:

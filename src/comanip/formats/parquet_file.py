@@ -18,7 +18,7 @@ from ..errors import ChannelError, RecordingError
 from ..interfaces import Array
 from ..recording import Channel, Recording
 from . import only
-from .assemble import assemble, remapped
+from .assemble import assemble
 from .columns import Columns, recognise, sign_and_name, unit_in, unknown
 
 OURS = b"comanip"
@@ -83,9 +83,9 @@ class Episodes:
 def open_parquet(path: Path, data: Any, columns: Columns, recover: bool) -> Sequence[Recording]:
     table, metadata = read_table(path)
     if OURS in metadata:
-        from .mapping import restamped
+        from .mapping import finished
 
-        return (remapped(path, restamped(path, _own(path, table, metadata[OURS], recover), columns), columns),)
+        return (finished(path, _own(path, table, metadata[OURS], recover), columns),)
     numbers, notes = numeric(path, table)
     lengths = episode_lengths(path, numbers)
     if len(lengths) > 1:

@@ -13,18 +13,17 @@ from . import only, read
 from .array_file import read_mat, read_numpy
 from .assemble import assemble, remapped
 from .columns import Columns
-from .csv_file import SIGNATURE, CsvTable, read_own_csv, write_csv
+from .csv_file import CsvTable, is_own, read_own_csv, write_csv
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 _FOREIGN_TEXT = ("<", "{\\rtf", "%PDF", "%!PS")
 _EACH = (".mcap", ".db3", ".parquet", ".npz", ".npy", ".mat", ".hdf5", ".h5")
 
 
 def open_text(path: Path, data: bytes, columns: Columns, recover: bool) -> Sequence[Recording]:
-    from .mapping import restamped
-
     text = text_of(path, data)
-    if text.startswith(SIGNATURE):
-        return (remapped(path, restamped(path, read_own_csv(path, text), columns), columns),)
+    if is_own(text):
+        return (remapped(path, read_own_csv(path, text), columns),)
     return assemble(CsvTable(path, text), columns)
 
 
@@ -46,11 +45,15 @@ def write_text(recordings: Sequence[Recording], path: Path) -> None:
 
 
 def open_numpy(path: Path, data: Any, columns: Columns, recover: bool) -> Sequence[Recording]:
-    return assemble(read_numpy(path), columns)
+    return assemble(read_numpy(path, data), columns)
 
 
 def open_mat(path: Path, data: Any, columns: Columns, recover: bool) -> Sequence[Recording]:
-    return assemble(read_mat(path), columns)
+    if data[512:520] == _HDF5 or data.startswith(_HDF5):
+        from .mat73_file import read_mat73
+
+        return assemble(read_mat73(path), columns)
+    return assemble(read_mat(path, data), columns)
 
 
 def open_each(path: Path, data: Any, columns: Columns, recover: bool) -> Sequence[Recording]:

@@ -18,6 +18,7 @@ from .columns import ALIASES, TIME_NAMES, UNITS, Columns, recognise, to_si, unit
 from .csv_file import CsvDirectory, CsvTable
 from .events import EVENTS, coded
 from .mapping import mapped
+from .messages import CLOCKS
 
 _LOG, _HEADER = ("time", "%time", "rosbagtimestamp", "timestamp", "t", *TIME_NAMES), ("header.stamp", "stamp")
 _FIELD = re.compile(r"^(?:field\.|\.)")
@@ -39,20 +40,21 @@ def open_folder(path: Path, data: Any, columns: Columns, recover: bool) -> Seque
         raise RecordingError(f"{path}: no file holds numbers; {'; '.join(notes)}")
     if len(tables) > 1 and len({t.names for t in tables.values()}) == 1 and not events:  # one layout: takes, not topics
         return [r for t in tables.values() for r in assemble(t, columns)]
-    if all(_stamps_of(t) for t in tables.values()) and (len(tables) > 1 or events):
+    if columns.time in (None, *CLOCKS) and all(_stamps_of(t) for t in tables.values()) and (len(tables) > 1 or events):
         return [_recording(path, tables, events, columns, notes)]
     return assemble(CsvDirectory(path, tables), columns)
 
 
 def _text(file: Path) -> str:
     from . import FORMATS
-    from .files import unpacked
+    from .packed import packing, unpacked
     from .tables import text_of
 
     limit = next(form.limit_mb for form in FORMATS if "" in form.suffixes) << 20
     if file.stat().st_size > limit:
         raise RecordingError(f"{file}: {file.stat().st_size >> 20} MB; the limit for csv is {limit >> 20} MB: cut it into takes")
-    return text_of(file, unpacked(file, file.read_bytes(), limit))
+    data = file.read_bytes()
+    return text_of(file, unpacked(file, data, limit) if packing(data) else data)
 
 
 def _table(path: Path, stem: str, files: Sequence[Path], text: str, notes: list[str]) -> CsvTable | None:

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from .. import __version__
-from ..errors import ChannelError, MismatchError, ParameterError
+from ..errors import ChannelError, MismatchError, ParameterError, check_generator
 from ..fitting.hmm import fit_hmm
 from ..interfaces import Array
+from ..lessons.agreement import lessons_only
 from ..lessons.demonstration import Demonstration, check_set, require
 from ..models.clock import learn_clock
 from ..models.gmm import Gmm
@@ -98,14 +99,16 @@ def learn(
     """A skill from several lessons of one role; milliseconds for five lessons of a few seconds.
 
     n_states   default 10 (law "default") or 5 (law "paper"); `fitting.selection.select_states` chooses by data
-    role       must agree with what the lessons say of themselves; None takes their word
+    role       what lessons that state none are of; must agree with what the others say of themselves. None takes their word
     with_force False learns position and velocity only (the paper's footnote 3)
 
     Raises TrainingError, ChannelError or RecordingError that name the lesson and what to do.
     """
-    lessons = list(demonstrations)
+    lessons = lessons_only(demonstrations)
     if law not in LAWS:
         raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
+    if rng is not None:
+        check_generator(rng)
     groups = ("position", "force", "velocity") if with_force else ("position", "velocity")
     require(lessons, groups)
     notes = list(check_set(lessons, role=role))
