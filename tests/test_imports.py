@@ -64,7 +64,8 @@ ONLY_IN = {  # outside library -> files that may import it
     "matplotlib": ("evaluation/drawing.py", "peers/mvn.py"),  # the second: gmr's interface draws ellipses on given axes
     "cyclopts": ("commands/app.py", "commands/flags.py"),
     "mcap": ("formats/",),
-    "pyarrow": ("lessons/shards.py",),
+    "pyarrow": ("lessons/shards.py", "formats/parquet_file.py", "formats/lerobot_write.py"),
+    "h5py": ("formats/hdf5_file.py", "formats/hdf5_inside.py", "formats/mat73_file.py"),
     "distributed": ("parallel.py",),
     "joblib": ("parallel.py",),
     "rich": ("commands/",),

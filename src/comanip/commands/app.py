@@ -6,6 +6,7 @@ line for input that cannot be used.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -42,6 +43,7 @@ def main() -> None:
     from .ending import ended_by, leave, show_warning
 
     warnings.showwarning = show_warning
+    os.environ.setdefault("PYTHONSAFEPATH", "1")  # workers run no csv.py or signal.py that lies in the user's folder
     leave(ended_by(lambda: app(exit_on_error=False, print_error=False, help_on_error=False), CycloptsError))
 
 
@@ -121,10 +123,28 @@ def inspect(
 
 @app.command
 def convert(file: Path, out: Path, /, *, data: Data = DataFlags(), overwrite: Overwrite = False, json: Json = False) -> None:
-    """Rewrite one recording as .mcap or .csv: comanip convert lift.csv lift.mcap --position z --force Fz --rate-hz 100"""
+    """Rewrite recordings: comanip convert lift.csv lift.mcap --position z --force Fz --rate-hz 100
+
+    FILE may be anything that is read, a folder too; OUT ends in .mcap, .csv, .parquet, .hdf5 or .lerobot
+    (the last two hold several recordings).
+    """
     from . import learning as command
 
     command.convert(file, out, data, overwrite, json)
+
+
+@app.command
+def recover(
+    file: Path,
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="The new file; default: NAME.recovered beside it.")] = None,
+    json: Json = False,
+) -> None:
+    """Make a whole file of what a crash, a full disk or damage left of a recording: comanip recover run.live.mcap"""
+    from . import recovering as command
+
+    command.recover(file, out, json)
 
 
 @app.command

@@ -36,6 +36,11 @@ class DataFlags:
     velocity_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not m/s.")] = None
     force_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not N: gf, kgf, mN ...")] = None
     time_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not s: ms, us, ns.")] = None
+    frame: Annotated[
+        list[str] | None,
+        Parameter(help="How a bag's frame lies in the position's: NAME=same, NAME=hand or NAME=w,x,y,z; may be repeated."),
+    ] = None
+    mapping: Annotated[Path | None, Parameter(help="A TOML file with any of these names of columns; flags go before it.")] = None
     load_mass_kg: Annotated[float | None, Parameter(help="Mass of the object, for eq. (3) on --sensor-force.")] = None
     load_share: Annotated[float, Parameter(help="Share of it that this hand carries.")] = 0.5
     cutoff_hz: Annotated[float, Parameter(help="Zero-phase low-pass for derivatives and eq. (3).")] = 10.0

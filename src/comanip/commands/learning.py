@@ -17,7 +17,7 @@ from ..lessons.demonstration import Demonstration
 from .console import note, print_json, print_notes, progress, say, say_if_slow, stages, table
 from .flags import DataFlags, LearnFlags
 from .outputs import may_draw, may_write
-from .reading import read_each, read_lessons, read_recordings, reader_of
+from .reading import beyond_memory, read_each, read_lessons, read_recordings, reader_of
 from .units import scale_of, slope_scale, unit_of
 from .words import explained
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, overwrite: bool, json: bool) -> None:
     may_write([out], inputs=files, overwrite=overwrite)
-    if flags.stream or any(f.suffix == ".parquet" or (f / "data").is_dir() for f in files):
+    if flags.stream or flags.checkpoint or flags.stepwise or beyond_memory(files):
         _learn_stream(files, out, data, flags, json)
         return
     started = time.perf_counter()
@@ -213,21 +213,32 @@ def inspect(files: Sequence[Path], plot: Path | None, data: DataFlags, overwrite
 
 
 def convert(file: Path, out: Path, data: DataFlags, overwrite: bool, json: bool) -> None:
-    from ..formats import write
+    from ..formats import write, write_all
+    from ..lessons.regrid import regridded
 
     if out.is_dir():
         may_write([out])
     recordings = read_recordings([file], data)
-    several = [out.with_name(f"{out.stem}_{i + 1}{out.suffix}") for i in range(len(recordings))]
-    targets = several if len(recordings) > 1 else [out]
+    if data.resample_hz is not None:
+        recordings = [regridded(recording, data.resample_hz) for recording in recordings]
+    several = len(recordings) > 1 and out.suffix.lower() not in HOLD_SEVERAL
+    targets = [out.with_name(f"{out.stem}_{i + 1}{out.suffix}") for i in range(len(recordings))] if several else [out]
     may_write(targets, inputs=[file], overwrite=overwrite, flag="OUT")
-    for recording, target in zip(recordings, targets, strict=True):
-        write(recording, target)
+    if several:
+        for recording, target in zip(recordings, targets, strict=True):
+            write(recording, target)
+    else:
+        write_all(recordings, out)
     if json:
         print_json({"written": [str(t) for t in targets]})
+    elif len(targets) < len(recordings):
+        print(f"{out}: {len(recordings)} recordings of {', '.join(recordings[0].channels)}")
     else:
         for target, recording in zip(targets, recordings, strict=True):
             say(f"{target}: {', '.join(recording.channels)}")
+
+
+HOLD_SEVERAL = (".hdf5", ".h5", ".lerobot")  # formats of which one file or folder holds many recordings
 
 
 def _options(lessons: Sequence[Demonstration], flags: LearnFlags, *, role: str | None) -> dict[str, Any]:

@@ -84,6 +84,8 @@ class Columns:
     role                        "leader", "follower" ...: what the hand's teacher did
     extra                       further channels: name -> columns
     axes                        names of the axes; default: the last letters of the columns when they are x, y, z
+    frames                      how another frame lies in the position's: frame_id -> "same", "hand" (it turns as the recorded
+                                orientation does) or a quaternion "w,x,y,z"; see `frames`
     ..._unit                    the file's unit when it is not SI (mm, deg, gf ...): converted, and said; one for all axes, or
                                 one an axis ("m, m, deg")
 
@@ -105,12 +107,14 @@ class Columns:
     velocity_unit: str | None = None
     force_unit: str | None = None
     time_unit: str | None = None
+    frames: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("position", "velocity", "force", "sensor_force", "axes"):
             object.__setattr__(self, name, split_columns(getattr(self, name)))
         extra = {str(name): split_columns(columns) for name, columns in dict(self.extra).items()}
         object.__setattr__(self, "extra", MappingProxyType(extra))
+        object.__setattr__(self, "frames", MappingProxyType({str(k): str(v) for k, v in dict(self.frames).items()}))
         if self.rate_hz is not None and not (isinstance(self.rate_hz, int | float) and 0.0 < self.rate_hz < 1e6):
             raise ParameterError(f"rate_hz is {given(self.rate_hz)}; allowed: 0 < rate_hz < 1e6 Hz")
         for kind in KINDS:

@@ -217,6 +217,11 @@ class CsvTable:
             self.notes.append(f"column {name!r}: {', '.join(sorted(words))} read as nothing (NaN)")
         return values
 
+    def words(self, name: str) -> list[str]:
+        """Cells of a column as they are written."""
+        at = self._index(name)
+        return [row[at].strip() for row in self._cells()]
+
     def _moments(self, name: str, at: int, cells: Sequence[str]) -> Array:
         seconds, start, wrong = moments(cells)
         if wrong >= 0:

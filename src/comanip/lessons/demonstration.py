@@ -355,6 +355,7 @@ def _channels(recording: Recording, where: str, chosen: Preparation, notes: list
         raise ChannelError(f"{where}: there is no force to take a bias off; found {', '.join(recording.channels) or 'nothing'}")
     if "position" not in found and not ("velocity" in found and chosen.integrate_position):
         ask = "; integrate_position makes one from the velocity" if "velocity" in found else ""
+        ask += f"; {recording.metadata['hint']}" if recording.metadata.get("hint") else ""
         raise ChannelError(f"{where}: no 'hand.position'; found {', '.join(recording.channels) or 'nothing'}{ask}")
     for name, channel in found.items():
         at = f"{where}: {name}"
@@ -366,6 +367,13 @@ def _channels(recording: Recording, where: str, chosen: Preparation, notes: list
         check_period(at, found[name])
         if name in _KIND and chosen.plausible is not None:
             check_plausible(at, _KIND[name], found[name], chosen.plausible)
+    frames = {n: c.frame for n, c in found.items() if n in _KIND and c.frame}
+    if len(set(frames.values())) > 1:
+        listed = "; ".join(f"{n}: {f}" for n, f in frames.items())
+        raise ChannelError(
+            f"{where}: the signals are in different frames ({listed}); state how they lie to each other where the file is read, "
+            "for example frames={'sensor': 'hand'} (--frame sensor=hand)"
+        )
     axes = {n: c.axes for n, c in found.items() if n in _KIND}
     if len(set(axes.values())) > 1:
         listed = "; ".join(f"{n}: {', '.join(a)}" for n, a in axes.items())
