@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint docs bench clean
 
 demo: $(VENV)/.demo
 	$(BIN)/comanip demo --out out
@@ -15,6 +15,10 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# The site, from docs/, examples/ and docstrings, into build/site; a dead link is an error.
+docs: $(VENV)/.dev
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet
 
 # The peers live in an environment of their own. pomegranate brings torch; without it the table says absent.
 # pbdlib is on no index: make bench PBDLIB=path takes a checkout of it. PARTS="em rollouts" measures only these again.
@@ -29,6 +33,8 @@ bench: .venv-bench/.ready
 	touch $@
 
 $(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "comanip needs Python 3.11 or newer; $(PYTHON) is \
+	$$($(PYTHON) --version 2>/dev/null || echo absent). Try: make $(MAKECMDGOALS) PYTHON=python3.12" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.demo: pyproject.toml | $(BIN)/python

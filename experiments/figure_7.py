@@ -27,6 +27,7 @@ from comanip.interfaces import Array, Skill
 from comanip.learned.skill import LearnedSkill, learn
 from comanip.lessons.demonstration import Demonstration
 from comanip.loop import run as run_loop
+from comanip.loop import unbroken
 from comanip.plants.replay import ReplayPlant, distort_time
 from comanip.reproduction import make_skill
 from comanip.skills.paper import PaperLaw, PaperSkill
@@ -111,7 +112,7 @@ def _run(skill: Skill, force: Array, held: Demonstration, start_m: float | None 
     start = held.position[0] if start_m is None else np.array([start_m])
     plant = ReplayPlant(force, dt=held.dt, start_position=start, axes=AXES)
     with np.errstate(all="ignore"):
-        recording = run_loop(plant, skill, duration_s=len(force) * held.dt)
+        recording = unbroken(run_loop(plant, skill, duration_s=len(force) * held.dt))
     x, v = (recording[f"hand.{n}"].values[:, 0] for n in ("position", "velocity"))
     return Path1(np.clip(np.nan_to_num(x, nan=10.0), -10.0, 10.0), np.clip(np.nan_to_num(v, nan=10.0), -10.0, 10.0))
 

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from comanip.interfaces import Array
 from comanip.learned.skill import LearnedSkill
 from comanip.lessons.demonstration import Demonstration
-from comanip.loop import run
+from comanip.loop import run, unbroken
 from comanip.models.gaussian import log_density, marginal, normalised
 from comanip.models.gmr import Regression
 from comanip.plants.replay import ReplayPlant
@@ -64,7 +64,7 @@ def reproduce(skill: LearnedSkill, start: tuple[float, float], law: PaperLaw, bo
     plant = ReplayPlant(np.zeros((1, 2)), dt=DT, start_position=np.array(start), axes=AXES)
     law_runs = PaperSkill(skill.model, axes=AXES, dt=DT, model_dt=skill.dt, workspace=box, law=law)
     with np.errstate(all="ignore"):
-        recording = run(plant, law_runs, duration_s=duration_s)
+        recording = unbroken(run(plant, law_runs, duration_s=duration_s))
     most = law.attraction_per_s / DT
     gain = recording["skill.position_gain"].values[:, 0] / most if most > 0.0 else np.zeros(len(recording["loop.late"].time))
     return Run(np.clip(np.nan_to_num(recording["hand.position"].values, nan=10.0), -10.0, 10.0), np.asarray(gain))

@@ -72,7 +72,8 @@ def both_hold(
     static = np.array([-gain * limits.feedback(delay_s) * STANDARD_GRAVITY])
     held = HeldHandle(Teacher(hand=GRIPS[grip], static_force=static, unsteady_n=0.0, rng=rng), handle)
     link = Link(Passive(held) if passive else held, Network(0.5 * delay_s, 0.5 * delay_s), rng=rng)
-    return run_loop(plant, Teleoperation(link, n_axes=1, dt=plant.dt, force_gain=gain, limits=limits), duration_s=duration)
+    held_by = Teleoperation(link, n_axes=1, dt=plant.dt, force_gain=gain, limits=limits, carried=True)
+    return run_loop(plant, held_by, duration_s=duration)
 
 
 def ripple(recording: Recording, last_s: float = 1.5) -> float:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from comanip.learned.skill import LearnedSkill, learn
 from comanip.lessons.demonstration import Demonstration, demonstrations
 from comanip.teaching import ROLES, teach
+
+settings.register_profile("suite", derandomize=True, deadline=None)  # the same examples in every run, on any machine
+settings.load_profile("suite")
 
 
 @pytest.fixture(scope="session")

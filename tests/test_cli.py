@@ -159,12 +159,17 @@ def test_a_lerobot_folder_is_learned_from_without_being_loaded(tmp_path, lessons
     (tmp_path / "meta").mkdir()
     (tmp_path / "meta" / "info.json").write_text('{"fps": 100, "codebase_version": "v3.0"}')
     columns = ("--position", "observation.state[0]", "--force", "observation.state[1]", "--velocity", "action[0]")
-    learned = answer("learn", tmp_path, "-o", tmp_path / "s.json", "--role", "follower", "--workers", 1, *columns)
-    assert learned["rate_hz"] == 100.0
-    assert learned["channels"] == ["position.z", "force.z", "velocity.z"]
-    assert json.loads((tmp_path / "s.json").read_text())["clock"] is not None
-    refused = comanip("learn", tmp_path, *columns[:2])
+    found = []
+    streamed = ("--stream", "--workers", 1)
+    for how in (streamed, (*streamed, "--force-unit", "N"), ()):  # as it is, prepared, in memory
+        learned = answer("learn", tmp_path, "-o", tmp_path / "s.json", "--role", "follower", *how, *columns)
+        assert learned["rate_hz"] == 100.0
+        assert learned["channels"] == ["position.z", "force.z", "velocity.z"]
+        assert json.loads((tmp_path / "s.json").read_text())["clock"] is not None
+        found.append(np.array(json.loads((tmp_path / "s.json").read_text())["model"]["means"]))
+    assert np.allclose(found[0], found[1], atol=1e-6)
+    assert np.allclose(found[0], found[2], atol=1e-6)
+    refused = comanip("learn", tmp_path, "--stream", *columns[:2])
     assert refused.returncode == 2
     assert "--force names 0 Parquet columns" in refused.stderr
-    assert "--force-unit does not reach" in comanip("learn", tmp_path, *columns, "--force-unit", "gf").stderr
     assert "--states 'ten'" in comanip("learn", tmp_path, *columns, "--states", "ten").stderr

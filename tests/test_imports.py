@@ -17,8 +17,9 @@ BASE = {"errors", "interfaces", "kernels", "signals", "recording"}
 ROOMS = {  # room of the house, or module at its top -> what of ours it may import, along a lesson's way from file to robot
     "errors": set(),
     "interfaces": set(),
-    "kernels": set(),
+    "kernels": {"errors"},
     "whole_file": set(),
+    "shown": set(),
     "moved": set(),
     "cli": {"commands"},
     "__main__": {"commands"},
@@ -27,7 +28,7 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
     "parallel": {"errors", "__version__"},
     "interaction": BASE,
     "loop": BASE,
-    "formats": BASE,
+    "formats": {*BASE, "parallel", "whole_file"},
     "lessons": {*BASE, "formats", "interaction"},
     "models": BASE,
     "fitting": {*BASE, "models", "parallel", "whole_file"},
@@ -41,7 +42,7 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
     "plants": {*BASE, "interaction", "people"},
     "tasks": {*BASE, "people"},
     "teaching": {*BASE, "devices", "interaction", "loop", "people", "plants", "skills", "tasks"},
-    "evaluation": {*BASE, "learned", "lessons", "loop", "models", "people", "plants", "skills", "tasks"},
+    "evaluation": {*BASE, "learned", "lessons", "loop", "models", "people", "plants", "skills", "tasks", "shown", "whole_file"},
     "trials": {
         *BASE,
         "evaluation",
@@ -56,7 +57,7 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
         "skills",
         "tasks",
     },
-    "web": {*BASE, "trials"},
+    "web": {*BASE, "trials", "shown"},
 }
 LEAVES = {"commands", "experiments", "__init__"}  # may import anything, and nothing imports them
 LOOSE = 12  # modules at the top of the house, at most
@@ -65,7 +66,8 @@ ONLY_IN = {  # outside library -> files that may import it
     "matplotlib": ("evaluation/drawing.py", "peers/mvn.py"),  # the second: gmr's interface draws ellipses on given axes
     "cyclopts": ("commands/app.py", "commands/flags.py"),
     "mcap": ("formats/",),
-    "pyarrow": ("lessons/shards.py",),
+    "pyarrow": ("lessons/shards.py", "formats/parquet_file.py", "formats/lerobot_write.py"),
+    "h5py": ("formats/hdf5_file.py", "formats/hdf5_inside.py", "formats/mat73_file.py"),
     "distributed": ("parallel.py",),
     "joblib": ("parallel.py",),
     "rich": ("commands/",),

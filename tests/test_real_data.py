@@ -47,7 +47,7 @@ def test_the_panda_rate_is_found_to_be_wrong_by_1_4(panda):
     for recording in panda:
         with pytest.warns(ComanipWarning, match=r"disagrees with d\(position\)/dt by x 1\.4\d*x, y 1\.4\d*x") as said:
             demonstration(recording)
-        assert len(said) == 1
+        assert len([w for w in said if "disagrees" in str(w.message)]) == 1  # two begin with 2 N at rest, which is said too
 
 
 def test_at_the_rate_that_would_agree_nothing_is_suspicious():

@@ -1,5 +1,5 @@
 """`python -m comanip`."""
 
-from .commands.app import main
+from .commands.start import main
 
 main()

@@ -184,6 +184,7 @@ class CausalInteractionForce:
         self._past = [[0.0] * (self._late + 2) for _ in range(n)]  # accelerations, newest first
 
     def step(self, obs: Observation) -> None:
+        """Writes F (d,) [N] into `obs.force`; NaN on an axis whose force or velocity is missing."""
         forces, velocities = obs.sensor_force.tolist(), obs.velocity.tolist()
         for i, section in enumerate(self._filters):
             force, velocity = forces[i], velocities[i]
@@ -228,11 +229,13 @@ class TaringInteractionForce:
         self.reset()
 
     def reset(self) -> None:
+        """Forgets what was weighed: the next window at rest counts."""
         self._sum, self._count, self._ready = [0.0] * len(self._gravity), 0, False
         self.payload_kg = self._stated
         self._force: CausalInteractionForce | None = None
 
     def step(self, obs: Observation) -> None:
+        """Writes F (d,) [N] into `obs.force`, NaN until the window at rest is full."""
         if self._force is None:
             forces = obs.sensor_force.tolist()
             at_rest = all(abs(v) < self._moving for v in obs.velocity.tolist())

@@ -38,9 +38,11 @@ class SimulatedClock:
     """As fast as the machine goes; never late."""
 
     def start(self, dt: float) -> None:
+        """Time begins; `dt` is the control period [s]."""
         pass
 
     def wait(self) -> float:
+        """Returns at once; 0 s late."""
         return 0.0
 
 
@@ -48,9 +50,11 @@ class WallClock:
     """Real time on the monotonic clock. Ticks missed by more than a period are dropped, not caught up in a burst."""
 
     def start(self, dt: float) -> None:
+        """Time begins now; `dt` is the control period [s]."""
         self._dt, self._next = dt, _time.monotonic() + dt
 
     def wait(self) -> float:
+        """Sleeps until the next tick is due, and gives how late it is [s]."""
         late = _time.monotonic() - self._next
         if late < 0:
             _time.sleep(-late)
@@ -141,6 +145,13 @@ def run(
             reason = "interrupted"
     notice = {"notice": skill.notice} if skill.notice else {}
     return recorder.recording({**(metadata or {}), **notice, "stop_reason": reason, "dt_s": plant.dt})
+
+
+def unbroken(recording: Recording) -> Recording:
+    """The recording of a run that nobody interrupted; otherwise Control-C goes on to whoever has more to run."""
+    if recording.metadata["stop_reason"] == "interrupted":
+        raise KeyboardInterrupt
+    return recording
 
 
 def _layout(plant: Plant, skill: Skill, observed: Sequence[str]) -> dict[str, tuple[int, str, tuple[str, ...]]]:

@@ -18,6 +18,12 @@ The bits are equal as long as all machines have one instruction set; COMANIP_KER
 
 from __future__ import annotations
 
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -29,6 +35,8 @@ from .errors import BackendError, ParameterError
 
 BACKENDS = ("processes", "dask")
 PATIENCE_S = 10.0  # for a scheduler to answer, and for its first worker
+MOST_DEATHS = 4  # without a result between them: then the call is the cause
+ORPHANED_S = 0.25  # after which a worker notices that whoever asked for its work is gone
 AHEAD = 4  # calls a thread of the cluster that are handed out before their turn: enough that none waits, too few to fill memory
 
 _cluster: ContextVar[Any] = ContextVar("_cluster", default=None)
@@ -67,8 +75,9 @@ def backend(name: str = "processes", *, address: str | None = None) -> Iterator[
 def each(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], *, n_jobs: int = 1) -> Iterator[Any]:
     """function(*item) of every item, in order; n_jobs processes (−1: one a core), or the whole cluster of `backend`.
 
-    What a call raises is raised here, in its turn. A call whose worker dies is made again by another; a call that has lost four
-    workers is taken for the cause, and BackendError says so.
+    What a call raises is raised here, in its turn. A call whose worker dies is made again by another, here as on a cluster (and
+    with it, here, those that were under way); a call that has lost four workers is taken for the cause, and BackendError says so.
+    Processes of this machine do not hear Control-C, which is for whoever asked for the work, and end when that one is gone.
     """
     client = _cluster.get()
     if client is not None:
@@ -78,9 +87,93 @@ def each(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], *, n_job
     from joblib import Parallel, delayed
     from joblib.parallel import get_active_backend
 
-    comes_in_turn = getattr(get_active_backend()[0], "supports_return_generator", False)  # Ray's gives all at the end
+    here = get_active_backend()[0]
+    if type(here).__name__ == "LokyBackend":
+        return _in_processes(function, work, n_jobs)
+    comes_in_turn = getattr(here, "supports_return_generator", False)  # Ray's gives all at the end
     parallel = Parallel(n_jobs=n_jobs, return_as="generator" if comes_in_turn else "list")
     return iter(parallel(delayed(function)(*item) for item in work))
+
+
+@contextmanager
+def deaf() -> Iterator[None]:
+    """Processes that are started meanwhile never hear Control-C: they inherit the mask. One that comes is delivered after it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def end_with(parent: int) -> None:
+    """What a child process begins with: it ends soon after its parent, be it by kill -9, and hears no Control-C."""
+    if os.getpid() == parent or sys.platform == "win32":  # Windows tells of no parent that has gone
+        return
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_wait_for_end, args=(parent,), daemon=True).start()
+
+
+def _wait_for_end(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(ORPHANED_S)
+    os._exit(1)
+
+
+def end_workers() -> None:
+    """Ends the processes of this machine that `each` started, whatever they are at."""
+    loky = sys.modules.get("joblib.externals.loky.reusable_executor")
+    executor = getattr(loky, "_executor", None)
+    if executor is not None:
+        executor.shutdown(wait=True, kill_workers=True)
+
+
+def _in_processes(function: Callable[..., Any], work: Iterable[tuple[Any, ...]], n_jobs: int) -> Iterator[Any]:
+    """Of this machine. joblib ends all with the first worker that dies and does not say whose call it held: what came out before
+    is kept, and the rest is begun again, from the first call that has no result."""
+    from joblib import Parallel, delayed
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    items, asked, done, deaths, last = iter(work), deque[tuple[Any, ...]](), 0, 0, -1
+
+    def ahead() -> Iterator[tuple[Any, ...]]:
+        """What is still without a result, then what was never asked for."""
+        yield from list(asked)
+        for item in items:
+            asked.append(item)
+            yield item
+
+    while True:
+        parallel = Parallel(n_jobs=n_jobs, return_as="generator", initializer=end_with, initargs=(os.getpid(),))
+        with deaf():
+            results = parallel(delayed(_outcome)(function, item) for item in ahead())
+        try:
+            for result, error in results:
+                asked.popleft()
+                done += 1
+                if error is not None:
+                    raise error
+                yield result
+            return
+        except TerminatedWorkerError:
+            deaths = deaths + 1 if done == last else 1
+            last = done
+            if deaths >= MOST_DEATHS:
+                raise BackendError(
+                    f"workers died {deaths} times before call {done + 1} had a result; too little memory here? "
+                    f"Fewer at a time need less: n_jobs={max(abs(n_jobs) // 2, 1)}"
+                ) from None
+
+
+def _outcome(function: Callable[..., Any], item: tuple[Any, ...]) -> tuple[Any, Exception | None]:
+    """What a call gives, or raises: joblib would end all with an error at once, before calls whose turn comes first."""
+    try:
+        return function(*item), None
+    except Exception as error:
+        error.add_note("in a worker: " + "".join(traceback.format_tb(error.__traceback__)))
+        return None, error
 
 
 def _on_cluster(client: Any, function: Callable[..., Any], work: Iterable[tuple[Any, ...]]) -> Iterator[Any]:

@@ -5,6 +5,7 @@ Every run yields a Recording and every file is read into one, so a reproduction 
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -13,8 +14,24 @@ from typing import Any, ClassVar
 import numpy as np
 
 from . import kernels
-from .errors import ChannelError
+from .errors import ChannelError, ParameterError
 from .interfaces import Array
+
+ROLES = ("leader", "follower", "natural")  # natural: nobody was told one
+
+
+def check_role(role: str | None) -> None:
+    """A role that is asked for or stated must be one that exists: "folower" would fit nothing, for ever."""
+    if role and role not in ROLES:
+        close = difflib.get_close_matches(str(role).lower(), ROLES, n=1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        raise ParameterError(f"role is {role!r}; allowed: {', '.join(ROLES)}{hint}")
+
+
+def axis_units(unit: str, n_axes: int) -> tuple[str, ...]:
+    """The unit of each axis: "m" is that of all, "m, m, rad" states one an axis."""
+    units = tuple(u.strip() for u in unit.split(","))
+    return units if len(units) == n_axes else (unit,) * n_axes
 
 
 def frozen(values: Any) -> Array:
@@ -105,9 +122,11 @@ class Recording(Passed):
         return float(max(t[-1] for t in stamps) - min(t[0] for t in stamps)) if stamps else 0.0
 
     def with_channels(self, more: Mapping[str, Channel]) -> Recording:
+        """The same with `more` channels by name; one of a name that is there already takes its place."""
         return Recording({**self.channels, **more}, self.metadata)
 
     def with_metadata(self, **more: Any) -> Recording:
+        """The same with `more` metadata; a key that is there already gets the new value."""
         return Recording(self.channels, {**self.metadata, **more})
 
 

@@ -21,7 +21,7 @@ from .devices.phantom import IDEAL, Handle, HeldHandle, phantom
 from .errors import ParameterError
 from .interaction import interaction_force
 from .interfaces import Array, HapticDevice, Partner, Plant
-from .loop import run
+from .loop import run, unbroken
 from .people.intent import Course, Yielding
 from .people.partners import Arm, HumanFollower, HumanLeader, HumanSharing, dyad
 from .people.teacher import Teacher, TeacherHand
@@ -168,7 +168,7 @@ def teach(
     The recordings hold device, hand, object and partner: the raw sensor force (hand.sensor_force) and what eq. (3) makes of it
     (hand.compensated_force, zero-phase below 10 Hz, for looking at; demonstrations compute their own), what was commanded
     (command.*, device.force) and what came of it (hand.*, device.applied). A lesson that a fault ended is kept, with the reason
-    under metadata["incomplete"].
+    under metadata["incomplete"]. So is one that Control-C cut; then no other is begun, and KeyboardInterrupt goes on.
     """
     if role not in SCENARIOS:
         raise ParameterError(f"role {role!r} is unknown; roles are: {', '.join(SCENARIOS)}")
@@ -181,6 +181,7 @@ def teach(
             keep(number, recordings[-1])
         if progress is not None:
             progress(number + 1, lessons)
+        unbroken(recordings[-1])
     return recordings
 
 
@@ -217,6 +218,7 @@ def _lesson(
         force_gain=coupling.force_gain,
         velocity_scale=coupling.velocity_scale,
         limits=coupling.limits,
+        carried=True,
     )
     metadata = {
         "role": role,

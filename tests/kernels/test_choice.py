@@ -1,5 +1,6 @@
 """Which kernels run is a choice that can be seen and forced."""
 
+import importlib
 import json
 import os
 import shutil
@@ -72,3 +73,89 @@ def test_without_a_compiled_module_a_command_that_learns_says_so_once(tmp_path):
     assert found.stdout.count("learned from 2 recordings") == 2
     assert found.stderr == f"note: {kernels.ABSENT.removeprefix('numpy: ')}\n"
     assert asked(twice, COMANIP_KERNELS="numpy").stderr == ""
+
+
+CHECKOUT = Path(__file__).parents[2]
+NO_SUCH_MODULE = "import sys; sys.modules['comanip.kernels._native'] = None\n"
+
+
+@pytest.mark.parametrize("wanted", ["foo", "avx1024", "nativ"])
+def test_a_choice_that_is_none_is_one_line_of_the_program_that_lists_them(wanted):
+    for hidden in ("", NO_SUCH_MODULE):
+        found = asked(
+            f"{hidden}import sys; sys.argv = ['comanip', 'doctor']\nfrom comanip.cli import main; main()", COMANIP_KERNELS=wanted
+        )
+        assert found.returncode == 2
+        assert found.stderr.startswith(f"error: COMANIP_KERNELS='{wanted}'")
+        assert "allowed here: numpy" in found.stderr
+        assert found.stderr.count("\n") == 1
+
+
+def test_an_instruction_set_asked_for_where_nothing_was_compiled_is_not_silently_numpy():
+    found = asked(NO_SUCH_MODULE + "import comanip.kernels", COMANIP_KERNELS="avx2")
+    assert "COMANIP_KERNELS='avx2' asks for compiled kernels" in found.stderr
+    assert "no C compiler" in found.stderr
+
+
+def test_a_compiled_module_that_cannot_be_loaded_is_told_apart_from_none(tmp_path):
+    shutil.copytree(CHECKOUT / "src" / "comanip", tmp_path / "comanip", ignore=shutil.ignore_patterns("*.so", "__pycache__"))
+    (tmp_path / "comanip" / "kernels" / "_native.abi3.so").write_bytes(b"\x7fELF not for this machine")
+    code = "from comanip import kernels; print(kernels.description)"
+    found = asked(code, COMANIP_KERNELS="", PYTHONPATH=str(tmp_path))
+    assert found.stdout.startswith("numpy: the compiled kernels are there and cannot be loaded here (")
+    assert "compiler" not in found.stdout
+    assert found.stdout.count("\n") == 1
+    (tmp_path / "comanip" / "kernels" / "_native.abi3.so").unlink()
+    assert asked(code, COMANIP_KERNELS="", PYTHONPATH=str(tmp_path)).stdout.strip() == kernels.ABSENT
+
+
+def test_where_an_index_has_32_bits_the_plan_counts_in_those(monkeypatch):
+    """numpy.repeat casts counts to the index's type, and only safely."""
+    plan = importlib.import_module("comanip.kernels.plan")
+
+    class Narrow:
+        intp = np.int32
+
+        def __getattr__(self, name):
+            return getattr(np, name)
+
+        @staticmethod
+        def repeat(values, counts):
+            return np.repeat(values, np.asarray(counts).astype(np.int32, casting="safe"))
+
+    expected = plan.plan(np.array([9000, 40, 3000]), 4)
+    monkeypatch.setattr(plan, "np", Narrow())
+    for found, same in zip(plan.plan(np.array([9000, 40, 3000]), 4), expected, strict=True):
+        np.testing.assert_array_equal(found, same)
+
+
+def built(where, *, free_threaded=False, **environment):
+    """A wheel of a copy of the checkout, or what setuptools said."""
+    copy = where / "a copy"
+    shutil.copytree(
+        CHECKOUT, copy, ignore=shutil.ignore_patterns(".git", ".venv", "*.so", "__pycache__", "build", "docs", "tests")
+    )
+    claims = "import sysconfig; sysconfig.get_config_vars()['Py_GIL_DISABLED'] = 1\n" if free_threaded else ""
+    code = (
+        claims
+        + "import sys, runpy; sys.argv = ['setup.py', '-q', 'bdist_wheel']; runpy.run_path('setup.py', run_name='__main__')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=copy, env={**os.environ, **environment}, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr[-500:]
+    return [path.name for path in (copy / "dist").iterdir()]
+
+
+@pytest.mark.skipif(not (CHECKOUT / "setup.py").exists(), reason="comanip is installed, and its checkout is not here")
+def test_a_wheel_without_a_binary_fits_every_platform_and_one_with_it_does_not(tmp_path):
+    pytest.importorskip("setuptools.command.bdist_wheel", reason="needs setuptools >= 70.1")
+    assert built(tmp_path / "without", CC="false") == ["comanip-0.1.0-py3-none-any.whl"]
+
+
+@pytest.mark.skipif(not (CHECKOUT / "setup.py").exists(), reason="comanip is installed, and its checkout is not here")
+def test_an_interpreter_without_a_lock_gets_a_wheel_too(tmp_path):
+    """It has no stable ABI: setuptools refuses py_limited_api there before anything is built."""
+    pytest.importorskip("setuptools.command.bdist_wheel", reason="needs setuptools >= 70.1")
+    (name,) = built(tmp_path, free_threaded=True, CC="false")
+    assert "abi3" not in name

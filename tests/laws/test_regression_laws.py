@@ -115,3 +115,14 @@ def test_a_region_holds_as_many_samples_as_it_says(n_channels, alpha):
     model = random_gmm(rng, 1, n_channels)
     inside = gmm.in_confidence_region(model, gmm.sample(model, 20_000, rng), alpha)
     assert inside.mean() == pytest.approx(alpha, abs=0.015)
+
+
+def test_the_covariance_is_that_of_the_mixture_as_a_whole():
+    """Two states that are certain, 2 apart, as likely as each other: all of the variance, 1, is their disagreement."""
+    near = np.array([[[1.0, 0.0], [0.0, 1e-8]]] * 2)
+    model = Gmm([0.5, 0.5], np.array([[0.0, -1.0], [0.0, 1.0]]), near, ("x", "y"))
+    found = regress(model, "x", "y", np.zeros((1, 1)), weights="mixture-with-priors")
+    assert found.mean[0, 0] == pytest.approx(0.0, abs=1e-12)
+    assert found.covariance[0, 0, 0] == pytest.approx(1.0 + 1e-8, rel=1e-9)
+    uneven = regress(Gmm([0.9, 0.1], model.means, near, ("x", "y")), "x", "y", np.zeros((1, 1)), weights="mixture-with-priors")
+    assert uneven.covariance[0, 0, 0] == pytest.approx(4.0 * 0.9 * 0.1 + 1e-8, rel=1e-9)

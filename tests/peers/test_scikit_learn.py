@@ -24,6 +24,7 @@ EXPECTED_TO_FAIL = {
         (GaussianHMM(random_state=0), EXPECTED_TO_FAIL),
         (GaussianHMM(2, "full", random_state=0), EXPECTED_TO_FAIL),
         (GaussianMixtureRegressor(random_state=0), {}),
+        (GaussianMixtureRegressor(2, init_params="kmeans++", random_state=0), {}),
     ],
 )
 def test_scikit_learns_own_checks_pass_but_for_those_argued(estimator, expected):
@@ -61,3 +62,37 @@ def test_it_works_in_a_pipeline():
     x = np.random.default_rng(0).normal(size=(60, 2)) * [1e3, 1e-3]
     steps = pipeline.make_pipeline(preprocessing.StandardScaler(), GaussianHMM(2, random_state=0))
     assert steps.fit(x).predict(x).shape == (60,)
+
+
+def test_the_regressor_is_one_to_scikit_learn():
+    metrics = pytest.importorskip("sklearn.metrics")
+    selection = pytest.importorskip("sklearn.model_selection")
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(200, 2))
+    y = np.column_stack([np.sin(x[:, 0]) + 0.1 * rng.normal(size=200), x @ [1.0, -2.0]])
+    model = GaussianMixtureRegressor(4, init_params="kmeans++", random_state=0).fit(x, y)
+    assert sklearn_base.is_regressor(model)
+    assert model.score(x, y) == pytest.approx(metrics.r2_score(y, model.predict(x)), abs=1e-12)
+    weights = rng.uniform(size=200)
+    assert model.score(x, y, weights) == pytest.approx(metrics.r2_score(y, model.predict(x), sample_weight=weights), abs=1e-12)
+    scores = selection.cross_val_score(GaussianMixtureRegressor(4, init_params="kmeans++", random_state=0), x, y[:, 0])
+    assert scores.min() > 0.7
+    search = selection.GridSearchCV(GaussianMixtureRegressor(init_params="kmeans++", random_state=0), {"n_components": [1, 5]})
+    assert search.fit(x, y[:, 0]).best_params_ == {"n_components": 5}
+
+
+@pytest.mark.parametrize(
+    ("y", "weights", "message"),
+    [
+        (np.zeros(3), None, "as many samples"),
+        (np.zeros((4, 2)), None, "y has 2 outputs, and fit had 1"),
+        (np.array([0.0, np.nan, 0.0, 0.0]), None, "Input y contains NaN: sample 1"),
+        (np.zeros(4), [1.0, 1.0], "sample_weight must be"),
+        (np.zeros(4), [-1.0, 1.0, 1.0, 1.0], "sample_weight must be"),
+    ],
+)
+def test_the_regressors_score_refuses_what_does_not_fit(y, weights, message):
+    rng = np.random.default_rng(0)
+    model = GaussianMixtureRegressor(random_state=0).fit(rng.normal(size=(20, 1)), rng.normal(size=20))
+    with pytest.raises(ValueError, match=message):
+        model.score(np.zeros((4, 1)), y, weights)

@@ -45,14 +45,14 @@ def made(tmp_path, text, case, name="people.py"):
 def test_a_class_or_a_function_makes_a_partner(tmp_path, case, text, kind):
     person, out = made(tmp_path, text, case), np.zeros(1)
     assert isinstance(person, Partner)
-    assert type(person).__name__ == kind
+    assert type(person.person).__name__ == kind
     person.reset(np.full(1, 0.85))
     person.force(0.0, np.full(1, 0.85), np.zeros(1), out)
     assert out[0] == pytest.approx(9.8 if text == PLAIN else case.carried_n)
 
 
 def test_several_classes_take_turns_by_the_case(tmp_path, case):
-    kinds = [type(made(tmp_path, PLAIN + TOLD, replace(case, seed=n))).__name__ for n in range(4)]
+    kinds = [type(made(tmp_path, PLAIN + TOLD, replace(case, seed=n)).person).__name__ for n in range(4)]
     assert kinds == ["Plain", "Told", "Plain", "Told"]
 
 

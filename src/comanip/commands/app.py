@@ -6,9 +6,9 @@ line for input that cannot be used.
 
 from __future__ import annotations
 
-import sys
+import os
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
@@ -21,13 +21,16 @@ app = App(
     help="Teach a robot to handle things together with a person, by demonstration, with force.",
     help_format="plaintext",
 )
-_DATA = Group("Reading data (the same flags on every command that reads data)", sort_key=10)
+_DATA = Group("Reading data (learn, evaluate, classify, inspect and convert; reproduce for --force-from)", sort_key=10)
 _LEARN = Group("Learning", sort_key=5)
 
 Data = Annotated[DataFlags, Parameter(name="*", group=_DATA)]
 Learning = Annotated[LearnFlags, Parameter(name="*", group=_LEARN)]
 Where = Annotated[BackendFlags, Parameter(name="*", group=_LEARN)]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print the result as one JSON document.")]
+Overwrite = Annotated[
+    bool, Parameter(negative="", help="Write over files that comanip did not make, and over inputs; both are refused otherwise.")
+]
 Out = Annotated[Path, Parameter(name=["--out", "-o"])]
 Plant = Annotated[Literal["beam", "humanoid"], Parameter(help="beam: exact and fast; humanoid: in physics, needs mujoco.")]
 Law = Literal["default", "paper"]
@@ -37,24 +40,11 @@ def main() -> None:
     """Entry point; never a traceback for a mistake in the input."""
     import warnings
 
-    from ..errors import ComanipError
+    from .ending import ended_by, leave, show_warning
 
-    def show(message: Any, category: Any, *_: Any, **__: Any) -> None:
-        print(f"warning: {message}", file=sys.stderr)
-
-    warnings.showwarning = show
-    try:
-        app(exit_on_error=False, print_error=False, help_on_error=False)
-    except (CycloptsError, ComanipError) as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
-        sys.exit(2)
-    except OSError as error:
-        print(f"error: {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        sys.exit(130)
-    except BrokenPipeError:
-        sys.exit(0)
+    warnings.showwarning = show_warning
+    os.environ.setdefault("PYTHONSAFEPATH", "1")  # workers run no csv.py or signal.py that lies in the user's folder
+    leave(ended_by(lambda: app(exit_on_error=False, print_error=False, help_on_error=False), CycloptsError))
 
 
 @app.command
@@ -66,17 +56,18 @@ def learn(
     data: Data = DataFlags(),
     learning: Learning = LearnFlags(),
     where: Where = BackendFlags(),
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Learn a skill from recordings of one role: comanip learn lesson*.csv -o skill.json
 
-    FILES may be .mcap, .csv, .npy, .npz, .mat or a folder of CSV files that belong together.
+    FILES may be .mcap, .csv, .npy, .npz, .mat, .parquet or a folder (of CSV files that belong together, or of LeRobot).
     """
     from ..parallel import backend
     from . import learning as command
 
     with backend(where.backend, address=where.address):
-        command.learn(files, out, data, learning, json)
+        command.learn(files, out, data, learning, overwrite, json)
 
 
 @app.command
@@ -121,20 +112,39 @@ def inspect(
     *,
     plot: Annotated[Path | None, Parameter(help="Draw it into this .png, .svg or .pdf.")] = None,
     data: Data = DataFlags(),
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Show what recordings or skill files hold: channels, units, rates, states, notes."""
     from . import learning as command
 
-    command.inspect(files, plot, data, json)
+    command.inspect(files, plot, data, overwrite, json)
 
 
 @app.command
-def convert(file: Path, out: Path, /, *, data: Data = DataFlags(), json: Json = False) -> None:
-    """Rewrite one recording as .mcap or .csv: comanip convert lift.csv lift.mcap --position z --force Fz --rate-hz 100"""
+def convert(file: Path, out: Path, /, *, data: Data = DataFlags(), overwrite: Overwrite = False, json: Json = False) -> None:
+    """Rewrite recordings: comanip convert lift.csv lift.mcap --position z --force Fz --rate-hz 100
+
+    FILE may be anything that is read, a folder too; OUT ends in .mcap, .csv, .parquet, .hdf5 or .lerobot
+    (the last two hold several recordings).
+    """
     from . import learning as command
 
-    command.convert(file, out, data, json)
+    command.convert(file, out, data, overwrite, json)
+
+
+@app.command
+def recover(
+    file: Path,
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="The new file; default: NAME.recovered beside it.")] = None,
+    json: Json = False,
+) -> None:
+    """Make a whole file of what a crash, a full disk or damage left of a recording: comanip recover run.live.mcap"""
+    from . import recovering as command
+
+    command.recover(file, out, json)
 
 
 @app.command
@@ -150,12 +160,13 @@ def teach(
     seed: int = 0,
     plant: Plant = "beam",
     out: Out = Path("lessons"),
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Record lessons from a simulated teacher on a haptic handle with a simulated partner."""
     from . import running as command
 
-    command.teach(role, task, lessons, dyad, device, delay_ms, passivity, seed, plant, out, json)
+    command.teach(role, task, lessons, dyad, device, delay_ms, passivity, seed, plant, out, overwrite, json)
 
 
 @app.command
@@ -180,12 +191,13 @@ def reproduce(
     out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="Keep the run as .mcap or .csv.")] = None,
     plot: Annotated[Path | None, Parameter(help="Draw the run into this .png, .svg or .pdf.")] = None,
     data: Data = DataFlags(),
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Let a skill carry the beam with a simulated partner drawn by --seed, and judge what happened."""
     from . import running as command
 
-    command.reproduce(skill, task, seed, role, law, plant, dt, force_from, realtime, out, plot, data, json)
+    command.reproduce(skill, task, seed, role, law, plant, dt, force_from, realtime, out, plot, data, overwrite, json)
 
 
 @app.command
@@ -233,6 +245,7 @@ def trial(
     pictures: Annotated[Path | None, Parameter(help="Draw the ten worst runs of each law into this folder.")] = None,
     workers: Annotated[int, Parameter(help="Processes; 0 is one a core.")] = 0,
     where: Where = BackendFlags(),
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Try laws on many partners they have never met, in closed loop: success, effort, forces, reasons of failures."""
@@ -241,7 +254,21 @@ def trial(
 
     with backend(where.backend, address=where.address):
         command.trial(
-            role, partners, seed, plant, law, skill, partners_from, people, task, ablate, misbehaving, pictures, workers, json
+            role,
+            partners,
+            seed,
+            plant,
+            law,
+            skill,
+            partners_from,
+            people,
+            task,
+            ablate,
+            misbehaving,
+            pictures,
+            workers,
+            overwrite,
+            json,
         )
 
 
@@ -284,12 +311,13 @@ def figures(
     out: Out = Path("out/figures"),
     seed: int = 0,
     plant: Annotated[Plant | None, Parameter(help="Where lessons are taught; default the humanoid where mujoco is.")] = None,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Redraw Figures 2 to 7 of the paper and test their claims as numbers, with pass or fail."""
     from . import figures as command
 
-    command.figures(numbers, out, seed, plant, json)
+    command.figures(numbers, out, seed, plant, json, overwrite)
 
 
 @app.command
@@ -301,8 +329,10 @@ def doctor(*, json: Json = False) -> None:
 
 
 @app.command
-def demo(*, out: Out = Path("out"), seed: int = 0, plant: Plant | None = None, json: Json = False) -> None:
+def demo(
+    *, out: Out = Path("out"), seed: int = 0, plant: Plant | None = None, overwrite: Overwrite = False, json: Json = False
+) -> None:
     """Teach both roles, learn them, collaborate with partners never met, and write one HTML report about it."""
     from . import demo as command
 
-    command.demo(out, seed, plant, json)
+    command.demo(out, seed, plant, overwrite, json)

@@ -12,24 +12,31 @@ from ..evaluation import prediction
 from ..learned import file as skill_file
 from ..learned.skill import LearnedSkill, learn
 from ..lessons.demonstration import Demonstration, demonstrations
+from ..loop import unbroken
 from ..recording import Recording
 from ..reproduction import make_skill
 from ..teaching import ROLES
 from ..teaching import teach as record_lessons
 from ..trials import Case, Verdict, draw_case, judge, run_case, run_cases
-from .console import print_json, progress, say_if_slow
+from ..whole_file import write_whole
+from .console import print_json, progress, say, say_if_slow
+from .ending import keeping
+from .outputs import may_fill, must_draw
 from .running import LESSON_RATE_HZ, best_plant
 from .trying import summary
+from .words import WORDS
 
 PARTNERS = 24  # a role and law, on the exact beam; `comanip trial` runs as many as wanted
 IN_PHYSICS = 4  # a role, on the humanoid
 LAWS = ("default", "paper", "mass-damper")
 
 
-def demo(out: Path, seed: int, plant: str | None, json: bool) -> None:
+def demo(out: Path, seed: int, plant: str | None, overwrite: bool, json: bool) -> None:
     from ..evaluation import drawing as figures
     from ..web import report
 
+    must_draw("demo")
+    may_fill(out, ("leader.json", "follower.json", "report.html"), overwrite=overwrite)
     say_if_slow()
     started = time.perf_counter()
     plant = plant or best_plant()
@@ -46,6 +53,7 @@ def demo(out: Path, seed: int, plant: str | None, json: bool) -> None:
         skills[role] = learn(lessons[role], role=role)
         learn_s = time.perf_counter() - begun
         skill_file.save(skills[role], out / f"{role}.json")
+        keeping(f"{' and '.join(f'{r}.json' for r in skills)} in {out}; no report")
         with progress(f"{role} against the lesson it has not seen") as report_progress:
             left_out = prediction.overall(prediction.leave_one_out(lessons[role], progress=report_progress, role=role))
         results["roles"][role] = {"learn_s": learn_s, "prediction": left_out}
@@ -74,10 +82,11 @@ def demo(out: Path, seed: int, plant: str | None, json: bool) -> None:
         "skills": figures.skills(skills),
         **{f"{role}": figures.reproduction(shown[role][1], title=f"Robot as {role}") for role in ROLES},
     }
-    page = report.page(results, {name: figures.to_svg(f) for name, f in pictures.items()}, {r: shown[r][:2] for r in ROLES})
-    out.mkdir(parents=True, exist_ok=True)
+    drawn = {name: figures.to_svg(f) for name, f in pictures.items()}
+    words = {name: WORDS[name] for name in ("effort", "told nothing", "residual force", "ripple", "one-step R²", "free run")}
+    page = report.page(results, drawn, {r: shown[r][:2] for r in ROLES}, words=words)
     target = out / "report.html"
-    target.write_text(page, encoding="utf-8")
+    write_whole(target, page)
     results["report"] = str(target)
     results["success"] = all(results["roles"][role]["shown"]["success"] for role in ROLES)
     if json:
@@ -86,22 +95,22 @@ def demo(out: Path, seed: int, plant: str | None, json: bool) -> None:
     for role in ROLES:
         r = results["roles"][role]
         t = r["trial"]["default"]
-        print(
+        say(
             f"{role}: learned from 5 lessons in {r['learn_s']:.2f} s; carried the beam with "
             f"{round(t['success'] * t['partners'])} of {t['partners']} partners it had never met "
             f"(the paper's law: {round(r['trial']['paper']['success'] * t['partners'])})"
         )
         if p := r.get("in_physics"):
-            print(f"  on the humanoid, in physics: {round(p['success'] * p['partners'])} of {p['partners']}")
+            say(f"  on the humanoid, in physics: {round(p['success'] * p['partners'])} of {p['partners']}")
     a = results["auto"]
-    print(
+    say(
         f"told nothing: carried it with {round(a['success'] * a['partners'])} of {a['partners']}, some of whom lead; "
         f"knew its role in time {100 * a['role_right']:.0f} %"
     )
-    print(f"{target}: pictures, numbers and an animation of both collaborations ({results['seconds']:.0f} s)")
+    say(f"{target}: pictures, numbers and an animation of both collaborations ({results['seconds']:.0f} s)")
 
 
 def _shown(case: Case, learned: LearnedSkill, plant: str) -> tuple[Case, Recording, Verdict]:
     """The first partner drawn, whatever comes of it: nothing is picked for the show."""
-    recording = run_case(case, make_skill(learned, axes=learned.axes, dt=0.01, role=case.role), plant=plant)
+    recording = unbroken(run_case(case, make_skill(learned, axes=learned.axes, dt=0.01, role=case.role), plant=plant))
     return case, recording, judge(case, recording, taught_ends_m=learned.ends)

@@ -10,19 +10,23 @@ from pathlib import Path
 
 from ..errors import ComanipWarning, ParameterError
 from ..evaluation.claims import Claim
-from .console import print_json, progress, table
+from .console import print_json, progress, say, table
+from .ending import keeping
+from .outputs import may_fill, must_draw
 from .running import best_plant
 
 NUMBERS = (2, 3, 4, 5, 6, 7)
 RENDERED = 1  # needs MuJoCo and a renderer, so it is drawn only when asked for
 
 
-def figures(numbers: Sequence[int], out: Path, seed: int, plant: str | None, json: bool) -> None:
+def figures(numbers: Sequence[int], out: Path, seed: int, plant: str | None, json: bool, overwrite: bool = False) -> None:
     """Draws into `out` and prints the claims; exit code 1 when one fails. Lessons of Figs. 5 to 7 are taught on `plant`."""
     chosen = tuple(dict.fromkeys(numbers)) or NUMBERS
     for number in chosen:
         if number not in (RENDERED, *NUMBERS):
             raise ParameterError(f"there is no Fig. {number} to draw; there are: {', '.join(map(str, (RENDERED, *NUMBERS)))}")
+    must_draw("figures")
+    may_fill(out, (_picture(out, n).name for n in chosen), overwrite=overwrite)
     import_module("comanip.experiments.lifts").use(plant or best_plant())
     if seed < 0:
         raise ParameterError(f"seed is {seed}; allowed: 0 or more")
@@ -31,6 +35,7 @@ def figures(numbers: Sequence[int], out: Path, seed: int, plant: str | None, jso
         warnings.simplefilter("ignore", ComanipWarning)  # lessons are made here; their notes are of no use to the reader
         for done, number in enumerate(chosen):
             step(done, len(chosen))
+            keeping(f"{done} of {len(chosen)} figures are drawn in {out}")
             found[number] = import_module(f"comanip.experiments.figure_{number}").run(out, seed=seed)
         step(len(chosen), len(chosen))
     failed = [(number, claim) for number, claims in found.items() for claim in claims if not claim.passed]
@@ -57,4 +62,4 @@ def _print(found: dict[int, list[Claim]], out: Path) -> None:
     ]
     passed = sum(row[-1] == "pass" for row in rows)
     table(f"{passed} of {len(rows)} claims hold", ("claim", "measured", "bound", ""), rows)
-    print("pictures: " + ", ".join(str(_picture(out, n)) for n in found))
+    say("pictures: " + ", ".join(str(_picture(out, n)) for n in found))

@@ -26,13 +26,21 @@ class DataFlags:
         None
     )
     resample_hz: Annotated[float | None, Parameter(help="Rate to work at, when it is not the recordings' own.")] = None
-    role: Annotated[str | None, Parameter(help="What the robot did in these recordings: leader or follower.")] = None
+    role: Annotated[
+        Literal["leader", "follower", "natural"] | None,
+        Parameter(help="What the robot did in recordings that do not say it; natural: nobody was told a role."),
+    ] = None
     axes: Annotated[str | None, Parameter(help="Names of the axes, e.g. z or x,y,z.")] = None
     extra: Annotated[list[str] | None, Parameter(help="Another channel: name=column,column; may be repeated.")] = None
     position_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not m: mm, cm, deg ...")] = None
     velocity_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not m/s.")] = None
     force_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not N: gf, kgf, mN ...")] = None
     time_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not s: ms, us, ns.")] = None
+    frame: Annotated[
+        list[str] | None,
+        Parameter(help="How a bag's frame lies in the position's: NAME=same, NAME=hand or NAME=w,x,y,z; may be repeated."),
+    ] = None
+    mapping: Annotated[Path | None, Parameter(help="A TOML file with any of these names of columns; flags go before it.")] = None
     load_mass_kg: Annotated[float | None, Parameter(help="Mass of the object, for eq. (3) on --sensor-force.")] = None
     load_share: Annotated[float, Parameter(help="Share of it that this hand carries.")] = 0.5
     cutoff_hz: Annotated[float, Parameter(help="Zero-phase low-pass for derivatives and eq. (3).")] = 10.0
@@ -40,6 +48,19 @@ class DataFlags:
     drop_bad: Annotated[bool, Parameter(negative="", help="Drop frames that are not finite instead of refusing the file.")] = (
         False
     )
+    integrate_position: Annotated[
+        bool, Parameter(negative="", help="Make up a missing position from the velocity, from 0 on.")
+    ] = False
+    any_size: Annotated[
+        bool, Parameter(negative="", help="Take sizes and speeds as they are, also those that look like another unit.")
+    ] = False
+    force_bias_n: Annotated[
+        str | None, Parameter(help="What the force sensor reads when nothing touches it [N], one number an axis: 4.0 or 0,0,4.0.")
+    ] = None
+    tare: Annotated[
+        bool,
+        Parameter(negative="", help="Take the mean force of the rest at the start off each recording."),
+    ] = False
     split_gaps: Annotated[bool, Parameter(negative="", help="Cut a recording at gaps instead of refusing it.")] = False
     recover: Annotated[bool, Parameter(negative="", help="Read what a damaged .mcap still holds.")] = False
 
@@ -62,6 +83,10 @@ class LearnFlags:
     )
     stepwise: Annotated[int, Parameter(help="With --stream: passes of stepwise EM first; saves passes over very large data.")] = 0
     workers: Annotated[int, Parameter(help="With --stream: processes; 0 is one a core.")] = 0
+    allow_constant: Annotated[
+        float | None,
+        Parameter(help="Keep channels that never change, with this standard deviation in their own unit; they are refused else."),
+    ] = None
     no_force: Annotated[bool, Parameter(negative="", help="Position and velocity only.")] = False
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,13 +14,20 @@ from ..learned import file as skill_file
 from ..learned.skill import LAWS, STATES, LearnedSkill
 from ..learned.skill import learn as learn_skill
 from ..lessons.demonstration import Demonstration
-from .console import print_json, progress, say_if_slow, stages, table
+from .console import note, print_json, print_notes, progress, say, say_if_slow, stages, table
 from .flags import DataFlags, LearnFlags
-from .reading import read_each, read_lessons, read_recordings, reader_of
+from .outputs import may_draw, may_write
+from .reading import beyond_memory, read_each, read_lessons, read_recordings, reader_of
+from .units import scale_of, slope_scale, unit_of
+from .words import explained
+
+if TYPE_CHECKING:
+    from ..evaluation.prediction import Prediction
 
 
-def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, json: bool) -> None:
-    if flags.stream or any(f.suffix == ".parquet" or (f / "data").is_dir() for f in files):
+def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, overwrite: bool, json: bool) -> None:
+    may_write([out], inputs=files, overwrite=overwrite)
+    if flags.stream or flags.checkpoint or flags.stepwise or beyond_memory(files):
         _learn_stream(files, out, data, flags, json)
         return
     started = time.perf_counter()
@@ -43,14 +49,14 @@ def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, 
         print_json(result)
         return
     model, what = learned.model, learned.provenance
-    print(
+    say(
         f"{out}: {learned.role or 'role not stated'}, law {learned.law}, {model.n_states} states over {', '.join(model.channels)}"
     )
-    print(
+    say(
         f"learned from {len(lessons)} recordings, {what['n_frames']} frames at {1 / learned.dt:g} Hz, in {learn_s:.2f} s; "
         f"log-likelihood per frame {what['log_likelihood'][-1] / what['n_frames']:.3f}"
     )
-    _print_notes(learned.notes)
+    print_notes(learned.notes)
 
 
 def _learn_stream(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, json: bool) -> None:
@@ -69,7 +75,7 @@ def _learn_stream(files: Sequence[Path], out: Path, data: DataFlags, flags: Lear
         learned = learn_stream(
             paths, read=read, channels=names, dt=dt, role=data.role or "", law=flags.law, topology=flags.topology,
             n_states=int(flags.states) if flags.states.isdigit() else None, stepwise_passes=flags.stepwise,
-            checkpoint=flags.checkpoint, n_jobs=flags.workers or -1, progress=report,
+            checkpoint=flags.checkpoint, allow_constant=flags.allow_constant, n_jobs=flags.workers or -1, progress=report,
         )  # fmt: skip
     learn_s = time.perf_counter() - started
     skill_file.save(learned, out)
@@ -77,11 +83,9 @@ def _learn_stream(files: Sequence[Path], out: Path, data: DataFlags, flags: Lear
         print_json({"skill": str(out), **_summary(learned), "learn_s": round(learn_s, 4)})
         return
     what = learned.provenance
-    print(
-        f"{out}: {learned.role or 'role not stated'}, law {learned.law}, {learned.model.n_states} states over {', '.join(names)}"
-    )
-    print(f"learned from {len(paths)} files, {what['n_frames']} frames at {1 / dt:g} Hz, in {learn_s:.1f} s")
-    _print_notes(learned.notes)
+    say(f"{out}: {learned.role or 'role not stated'}, law {learned.law}, {learned.model.n_states} states over {', '.join(names)}")
+    say(f"learned from {len(paths)} files, {what['n_frames']} frames at {1 / dt:g} Hz, in {learn_s:.1f} s")
+    print_notes(learned.notes)
 
 
 def evaluate(files: Sequence[Path], leave_one_out: bool, data: DataFlags, flags: LearnFlags, json: bool) -> None:
@@ -102,33 +106,50 @@ def evaluate(files: Sequence[Path], leave_one_out: bool, data: DataFlags, flags:
         lessons = read_each(files[1:], _at_rate(data, learned))
         found = [prediction.predict(learned, lesson) for lesson in lessons]
         source = str(files[0])
-    overall = prediction.overall(found)
+    units = learned.units if not leave_one_out else lessons[0].units
+    overall, medians = prediction.overall(found), prediction.medians(found)
     if json:
-        print_json({"skill": source, "files": [p._asdict() for p in found], "overall": overall})
+        about = {"overall": overall, "median": medians, "units": dict(units)}
+        print_json({"skill": source, "files": [p._asdict() for p in found], **about})
         return
-    rows = [
-        (
-            p.name,
-            p.frames,
-            f"{p.one_step_velocity_r2:.3f}",
-            f"{1000 * p.one_step_velocity_rmse:.1f}",
-            f"{100 * p.free_run_position_rmse_m:.2f}",
-            f"{100 * p.free_run_end_error_m:.2f}",
-            f"{p.log_likelihood_per_frame:.2f}",
-        )
-        for p in found
-    ]
-    names = ("recording", "frames", "one-step R²", "RMSE mm/s", "free run RMSE cm", "end error cm", "log p per frame")
-    footer = (
-        "mean",
-        "",
-        f"{overall['one_step_velocity_r2']:.3f}",
-        f"{1000 * overall['one_step_velocity_rmse']:.1f}",
-        f"{100 * overall['free_run_position_rmse_m']:.2f}",
-        f"{100 * overall['free_run_end_error_m']:.2f}",
-        f"{overall['log_likelihood_per_frame']:.2f}",
-    )
-    table(f"Prediction ({source})", names, rows, footer=footer)
+    _print_predictions(source, found, (overall, medians), units)
+    if len(lessons[0].axes) > 1:
+        _print_axes(found, lessons[0].axes, units)
+    for line in explained(("one-step R²", "free run", "log p per frame")):
+        say(line)
+
+
+def _print_predictions(
+    source: str, found: Sequence[Prediction], typical: tuple[Mapping[str, float], Mapping[str, float]], units: Mapping[str, str]
+) -> None:
+    """A row a recording, or a fragment of one that was cut at gaps (name#0, name#1), then mean and median over them."""
+    from ..evaluation.prediction import OVERALL
+
+    speed, place = scale_of(units.get("velocity", "m/s")), scale_of(units.get("position", "m"))
+
+    def cells(r2: float, rmse: float, path: float, end: float, likelihood: float) -> list[str]:
+        return [f"{r2:.3f}", speed.shown(rmse), place.shown(path), place.shown(end), f"{likelihood:.2f}"]
+
+    rows = [(p.name, p.frames, *cells(*(getattr(p, name) for name in OVERALL))) for p in found]
+    footers = [(n, "", *cells(*(t[name] for name in OVERALL))) for n, t in zip(("mean", "median"), typical, strict=True)]
+    distances = (f"free run RMSE {place.unit}", f"end error {place.unit}")
+    columns = ("recording", "frames", "one-step R²", f"RMSE {speed.unit}", *distances, "log p per frame")
+    table(f"Prediction ({source})", columns, rows, footers=footers)
+    if fragments := [p.name for p in found if "#" in p.name]:
+        say(f"{len(fragments)} of {len(found)} rows are fragments of recordings that were cut at gaps: {', '.join(fragments)}")
+    if still := [p.name for p in found if p.one_step_velocity_r2 != p.one_step_velocity_r2]:
+        say(f"nothing moves in {', '.join(still)}: no R² there, and means are over the others")
+
+
+def _print_axes(found: Sequence[Prediction], axes: Sequence[str], units: Mapping[str, str]) -> None:
+    from ..evaluation.prediction import PER_AXIS
+
+    rows = []
+    for i, axis in enumerate(axes):
+        speed, place = (scale_of(unit_of(units, group, i, usual)) for group, usual in (("velocity", "m/s"), ("position", "m")))
+        r2, rmse, path = (float(np.nanmedian([getattr(p, n)[i] for p in found])) for n in PER_AXIS)
+        rows.append((axis, f"{r2:.3f}", f"{speed.shown(rmse)} {speed.unit}", f"{place.shown(path)} {place.unit}"))
+    table("By axis, median over the recordings", ("axis", "one-step R²", "RMSE", "free run RMSE"), rows)
 
 
 def classify(files: Sequence[Path], skills: Sequence[Path], data: DataFlags, json: bool) -> None:
@@ -139,20 +160,40 @@ def classify(files: Sequence[Path], skills: Sequence[Path], data: DataFlags, jso
     learned = [skill_file.load(path) for path in skills]
     lessons = read_each(files, _at_rate(data, learned[0]))
     names = [str(path) for path in skills]
-    found: list[dict[str, Any]] = [
-        {"name": lesson.name, "posterior": dict(zip(names, prediction.classify(learned, lesson).tolist(), strict=True))}
-        for lesson in lessons
-    ]
-    for entry in found:
-        entry["best"] = max(entry["posterior"], key=entry["posterior"].__getitem__)
+    found: list[dict[str, Any]] = []
+    for lesson in lessons:
+        posterior = dict(zip(names, prediction.classify(learned, lesson).tolist(), strict=True))
+        known = dict(zip(names, prediction.familiar(learned, lesson), strict=True))
+        best = max(posterior, key=posterior.__getitem__)
+        shows = best if known[best] >= prediction.KNOWN_SHARE else NEITHER
+        found.append({"name": lesson.name, "posterior": posterior, "familiar": known, "best": shows})
     if json:
         print_json({"files": found})
         return
-    rows = [(e["name"], *[f"{e['posterior'][n]:.4f}" for n in names], Path(e["best"]).stem) for e in found]
-    table("Posterior of each skill", ("recording", *[Path(n).stem for n in names], "shows"), rows)
+    rows = [
+        (e["name"], *(f"{e['posterior'][n]:.4f} ({100 * e['familiar'][n]:.0f} %)" for n in names), _stem(e["best"]))
+        for e in found
+    ]
+    table("Posterior of each skill (frames that it knows)", ("recording", *[Path(n).stem for n in names], "shows"), rows)
+    say(
+        "frames that it knows: of those in motion, the share that lies where the skill's own lessons were; a recording of which "
+        f"the likelier skill knows less than {100 * prediction.KNOWN_SHARE:.0f} % shows {NEITHER}"
+    )
 
 
-def inspect(files: Sequence[Path], plot: Path | None, data: DataFlags, json: bool) -> None:
+NEITHER = "neither"
+
+
+def _weighed(entry: Mapping[str, Any], skill: str) -> str:
+    return f"{entry['posterior'][skill]:.4f} ({100 * entry['familiar'][skill]:.0f} %)"
+
+
+def _stem(best: str) -> str:
+    return best if best == NEITHER else Path(best).stem
+
+
+def inspect(files: Sequence[Path], plot: Path | None, data: DataFlags, overwrite: bool, json: bool) -> None:
+    may_draw(plot, inputs=files, overwrite=overwrite)
     results: list[dict[str, Any]] = []
     skills = {file: skill_file.load(file) for file in files if file.suffix == ".json"}
     recordings = [(file, r) for file in files if file not in skills for r in read_recordings([file], data)]
@@ -168,23 +209,36 @@ def inspect(files: Sequence[Path], plot: Path | None, data: DataFlags, json: boo
     for result in results:
         _print_skill(result) if "skill" in result else _print_recording(result)
     if plot is not None:
-        print(f"drawn into {plot}")
+        say(f"drawn into {plot}")
 
 
-def convert(file: Path, out: Path, data: DataFlags, json: bool) -> None:
-    from ..formats import write
+def convert(file: Path, out: Path, data: DataFlags, overwrite: bool, json: bool) -> None:
+    from ..formats import write, write_all
+    from ..lessons.regrid import regridded
 
+    if out.is_dir():
+        may_write([out])
     recordings = read_recordings([file], data)
-    if len(recordings) > 1:
-        targets = [out.with_name(f"{out.stem}_{i + 1}{out.suffix}") for i in range(len(recordings))]
+    if data.resample_hz is not None:
+        recordings = [regridded(recording, data.resample_hz) for recording in recordings]
+    several = len(recordings) > 1 and out.suffix.lower() not in HOLD_SEVERAL
+    targets = [out.with_name(f"{out.stem}_{i + 1}{out.suffix}") for i in range(len(recordings))] if several else [out]
+    may_write(targets, inputs=[file], overwrite=overwrite, flag="OUT")
+    if several:
+        for recording, target in zip(recordings, targets, strict=True):
+            write(recording, target)
     else:
-        targets = [out]
-    for recording, target in zip(recordings, targets, strict=True):
-        write(recording, target)
+        write_all(recordings, out)
     if json:
         print_json({"written": [str(t) for t in targets]})
+    elif len(targets) < len(recordings):
+        print(f"{out}: {len(recordings)} recordings of {', '.join(recordings[0].channels)}")
     else:
-        print("\n".join(f"{t}: {', '.join(r.channels)}" for t, r in zip(targets, recordings, strict=True)))
+        for target, recording in zip(targets, recordings, strict=True):
+            say(f"{target}: {', '.join(recording.channels)}")
+
+
+HOLD_SEVERAL = (".hdf5", ".h5", ".lerobot")  # formats of which one file or folder holds many recordings
 
 
 def _options(lessons: Sequence[Demonstration], flags: LearnFlags, *, role: str | None) -> dict[str, Any]:
@@ -207,6 +261,7 @@ def _options(lessons: Sequence[Demonstration], flags: LearnFlags, *, role: str |
         "with_force": not flags.no_force,
         "topology": flags.topology,
         "restarts": flags.restarts,
+        "allow_constant": flags.allow_constant,
         "rng": np.random.default_rng(flags.seed),
     }
 
@@ -224,7 +279,7 @@ def _choose_states(lessons: Sequence[Demonstration], flags: LearnFlags) -> int:
         criterion="cross-validation" if len(lessons) > 1 else "bic",
         topology=flags.topology,
     )
-    print(f"states: {chosen.n_states} of 3..12", file=sys.stderr)
+    note(f"states: {chosen.n_states} of 3..12")
     return chosen.n_states
 
 
@@ -243,6 +298,8 @@ def _summary(learned: LearnedSkill) -> dict[str, Any]:
         "states": learned.model.n_states,
         "channels": list(learned.model.channels),
         "axes": list(learned.axes),
+        "units": dict(learned.units),
+        "settings": dict(learned.settings),
         "rate_hz": 1.0 / learned.dt,
         "lessons": what.get("lessons", []),
         "log_likelihood": what.get("log_likelihood", [None])[-1],
@@ -265,7 +322,7 @@ def _states(learned: LearnedSkill) -> list[dict[str, Any]]:
     stay = np.diag(model.transition)
     return [
         {
-            "state": k,
+            "state": k + 1,  # as in pictures: from 1, in order of time
             "mean": dict(zip(model.channels, model.means[k].tolist(), strict=True)),
             "std": dict(zip(model.channels, spread[k].tolist(), strict=True)),
             "expected_duration_s": float(learned.dt / max(1.0 - stay[k], 1e-12)) if stay[k] < 1.0 else None,
@@ -298,21 +355,28 @@ def _contents(recording: Any) -> dict[str, Any]:
 
 
 def _print_skill(result: dict[str, Any]) -> None:
-    print(
+    say(
         f"{result['skill']}: {result['role'] or 'role not stated'}, law {result['law']}, {len(result['states'])} states, "
         f"{len(result['lessons'])} lessons at {result['rate_hz']:g} Hz"
     )
     channels = result["channels"]
+    own = [
+        (unit_of(result["units"], "velocity", i, "m/s"), unit_of(result["units"], "force", i, "N"))
+        for i in range(len(result["axes"]))
+    ]
+    answers = [slope_scale(*one) for one in own]
+    answer = ", ".join(dict.fromkeys(one.unit for one in answers))
     rows = []
     for s in result["states"]:
         cells = [f"{s['mean'][c]:+.3f} ± {s['std'][c]:.3f}" for c in channels]
         slope = s["velocity_per_force"]
-        along = " ".join(f"{1000 * row[i]:+.1f}" for i, row in enumerate(slope or ()))
+        along = " ".join(f"{one.factor * row[i]:+.1f}" for i, (one, row) in enumerate(zip(answers, slope or (), strict=False)))
         gains = " ".join(g if isinstance(g, str) else f"{g:.2g}" for g in list(s["loop_gain"].values())[-1:])
         rows.append((s["state"], *cells, along, f"{s['contraction_per_s']:+.2g}", gains))
-    table("States", ("state", *channels, "∂v/∂F mm/s/N", "∂v/∂x 1/s", "loop gain, 600 N/m"), rows)
-    print("∂v/∂x < 0 contracts; loop gain of eq. (5) with a partner of 600 N/m: below 1 is stable (the default law has its own)")
-    _print_notes(result["notes"])
+    table("States", ("state", *channels, f"∂v/∂F {answer}", "∂v/∂x 1/s", "loop gain"), rows)
+    for line in explained(("∂v/∂F", "∂v/∂x", "loop gain")):
+        say(line)
+    print_notes(result["notes"])
 
 
 def _print_recording(result: dict[str, Any]) -> None:
@@ -330,12 +394,7 @@ def _print_recording(result: dict[str, Any]) -> None:
     ]
     title = f"{result['recording']} ({result['duration_s']:.2f} s)"
     table(title, ("channel", "axes", "unit", "frames", "rate Hz", "min", "max"), rows)
-    _print_notes(result["metadata"].get("notes", ()))
-
-
-def _print_notes(notes: Sequence[str]) -> None:
-    for note in notes:
-        print(f"note: {note}")
+    print_notes(result["metadata"].get("notes", ()))
 
 
 def _draw(plot: Path, skills: dict[Path, LearnedSkill], files: Sequence[Path], data: DataFlags) -> None:

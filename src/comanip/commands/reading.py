@@ -10,39 +10,43 @@ from typing import Any
 from ..errors import ParameterError, RecordingError
 from ..formats import read
 from ..formats.columns import Columns, split_columns
+from ..formats.mapping_file import mapping_file
 from ..interaction import Payload
 from ..lessons.demonstration import Demonstration, Preparation, demonstrations
 from ..lessons.shards import ParquetShards, RecordingShards, rate_of
 from ..recording import Recording
 from .flags import DataFlags
 
-NOT_FOR_PARQUET = ("sensor_force", "time", "resample_hz", "extra", "position_unit", "velocity_unit", "force_unit", "time_unit",
-                   "load_mass_kg", "trim_rest_s", "drop_bad", "split_gaps")  # fmt: skip
+STREAMED_BYTES = 128 << 20  # of Parquet, packed: more is read a piece at a time
+PREPARED = ("sensor_force", "time", "resample_hz", "extra", "position_unit", "velocity_unit", "force_unit", "time_unit",
+            "load_mass_kg", "trim_rest_s", "drop_bad", "split_gaps", "tare", "force_bias_n", "integrate_position")  # fmt: skip
+
+
+def beyond_memory(files: Sequence[Path]) -> bool:
+    """Whether these are Parquet files, or LeRobot folders, of more than is read at once."""
+    found = [p for f in files for p in ([f] if f.suffix == ".parquet" else (f / "data").glob("**/*.parquet"))]
+    return sum(p.stat().st_size for p in found if p.exists()) > STREAMED_BYTES
 
 
 def columns_of(flags: DataFlags) -> Columns:
-    extra = {}
-    for item in flags.extra or ():
-        name, separator, columns = item.partition("=")
+    """The mapping of a file that is given, and of the flags, which go before it."""
+    base = mapping_file(flags.mapping) if flags.mapping is not None else Columns()
+    named = ("position", "velocity", "force", "sensor_force", "axes", "time", "rate_hz", "role", "position_unit", "velocity_unit",
+             "force_unit", "time_unit")  # fmt: skip
+    given: dict[str, Any] = {name: getattr(flags, name) for name in named if getattr(flags, name) is not None}
+    extra = {**base.extra, **{name: (columns,) for name, columns in _pairs("--extra", flags.extra, "name=column,column")}}
+    frames = {**base.frames, **dict(_pairs("--frame", flags.frame, "name=same, name=hand or name=w,x,y,z"))}
+    return replace(base, **given, extra=extra, frames=frames)
+
+
+def _pairs(flag: str, items: Sequence[str] | None, form: str) -> list[tuple[str, str]]:
+    found = []
+    for item in items or ():
+        name, separator, value = item.partition("=")
         if not separator:
-            raise ParameterError(f"--extra {item!r}; write it as name=column,column")
-        extra[name] = (columns,)
-    given = {
-        name: getattr(flags, name)
-        for name in ("position", "velocity", "force", "sensor_force", "axes")
-        if getattr(flags, name) is not None
-    }
-    return Columns(
-        **given,
-        time=flags.time,
-        rate_hz=flags.rate_hz,
-        role=flags.role,
-        extra=extra,
-        position_unit=flags.position_unit,
-        velocity_unit=flags.velocity_unit,
-        force_unit=flags.force_unit,
-        time_unit=flags.time_unit,
-    )
+            raise ParameterError(f"{flag} {item!r}; write it as {form}")
+        found.append((name, value))
+    return found
 
 
 def read_recordings(files: Sequence[Path], flags: DataFlags) -> list[Recording]:
@@ -50,6 +54,8 @@ def read_recordings(files: Sequence[Path], flags: DataFlags) -> list[Recording]:
     for file in files:
         if not file.exists():
             raise RecordingError(f"{file}: no such file or folder")
+        if file.suffix.lower() == ".json":
+            raise RecordingError(f"{file}: a .json file is a skill, no recording")
     columns = columns_of(flags)
     return [recording for file in files for recording in read(file, columns, recover=flags.recover)]
 
@@ -70,16 +76,14 @@ def reader_of(
 ) -> tuple[Any, tuple[str, ...], float]:
     """(reader, channels, period [s]) for shards: Parquet by the columns that the flags name, other formats as always."""
     groups = ("position", "force", "velocity") if with_force else ("position", "velocity")
-    if not all(p.endswith(".parquet") for p in paths):
-        preparation = preparation_of(flags)
+    prepared = any(getattr(flags, name) not in (None, False) for name in PREPARED)
+    if prepared or not flags.position or not all(p.endswith(".parquet") for p in paths):
+        rate = flags.rate_hz or next((r for f in files if (r := rate_of(f))), None)
+        flags, preparation = replace(flags, rate_hz=rate), preparation_of(flags)
         first = read_lessons([Path(paths[0])], flags)[0]
         names = tuple(c for c in first.channels if c.split(".")[0] in groups)
         preparation = replace(preparation, rate_hz=preparation.rate_hz or 1.0 / first.dt)
         return RecordingShards(names, columns_of(flags), preparation, flags.recover), names, first.dt
-    for name in NOT_FOR_PARQUET:
-        if getattr(flags, name) not in (None, False):
-            flag = "--" + name.replace("_", "-")
-            raise ParameterError(f"{flag} does not reach Parquet files: they are streamed as they are, in SI units, at one rate")
     columns: dict[str, str] = {}
     axes = [a.strip() for a in (flags.axes or "z").split(",")]
     for group in groups:
@@ -96,8 +100,20 @@ def reader_of(
     return ParquetShards(columns), tuple(columns), 1.0 / rate
 
 
+def _numbers(flag: str, given: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in given.split(","))
+    except ValueError:
+        raise ParameterError(f"{flag} {given!r}: give numbers, for example 4.0 or 0,0,4.0") from None
+
+
 def preparation_of(flags: DataFlags, min_frames: int = 4) -> Preparation:
+    asked: dict[str, Any] = {"plausible": None} if flags.any_size else {}
+    asked |= {"tare": True} if flags.tare else {}
+    asked |= {"force_bias_n": _numbers("--force-bias-n", flags.force_bias_n)} if flags.force_bias_n else {}
     return Preparation(
+        **asked,
+        integrate_position=flags.integrate_position,
         rate_hz=flags.resample_hz,
         cutoff_hz=flags.cutoff_hz,
         trim_rest_s=flags.trim_rest_s,

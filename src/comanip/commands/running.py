@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -22,7 +22,7 @@ from ..learned import file as skill_file
 from ..learned.skill import LearnedSkill
 from ..learned.skill import learn as learn_skill
 from ..lessons.demonstration import demonstrations
-from ..loop import SimulatedClock, WallClock, run
+from ..loop import SimulatedClock, WallClock, run, unbroken
 from ..plants.replay import ReplayPlant
 from ..recording import Recording
 from ..reproduction import make_auto, make_skill
@@ -31,9 +31,12 @@ from ..teaching import DYADS, PHANTOM, Coupling
 from ..teaching import teach as record_lessons
 from ..trials import draw_case, judge, run_case
 from ..trials.cases import TASK
-from .console import print_json, progress, say_if_slow, table
+from .console import note, print_json, progress, say, say_if_slow, table
+from .ending import keeping
 from .flags import DataFlags
+from .outputs import may_draw, may_fill, may_write, must_store
 from .reading import read_lessons
+from .verdicts import told
 
 LESSON_RATE_HZ = 100.0
 
@@ -42,7 +45,7 @@ def best_plant() -> str:
     """The humanoid where MuJoCo is installed, else the exact beam, which is said."""
     if find_spec("mujoco") is not None:
         return "humanoid"
-    print("on the exact beam; for the humanoid: pip install 'comanip[humanoid]'", file=sys.stderr)
+    note("on the exact beam; for the humanoid: pip install 'comanip[humanoid]'")
     return "beam"
 
 
@@ -57,15 +60,22 @@ def teach(
     seed: int,
     plant: str,
     out: Path,
+    overwrite: bool,
     json: bool,
 ) -> None:
+    if lessons < 1:
+        raise ParameterError(f"--lessons must be at least 1; got {lessons}")
     network = Network(0.0005 * delay_ms, 0.0005 * delay_ms) if delay_ms else None
     coupling = replace(PHANTOM if device == "phantom" else Coupling(), network=network, passivity=passivity)
     files = [out / f"{role}_{n + 1}.mcap" for n in range(lessons)]
+    may_fill(out, (file.name for file in files), overwrite=overwrite)
     out.mkdir(parents=True, exist_ok=True)
 
     def keep(number: int, recording: Recording) -> None:
         store(recording.with_metadata(seed=seed, plant=plant, dyad=dyad), files[number])
+        whole = [f.name for f in files[: number + 1]]
+        cut = f"; {whole.pop()} is cut, and says so" if recording.metadata.get("incomplete") == "interrupted" else ""
+        keeping(f"{len(whole)} whole lessons of {lessons} in {out}{cut}")
 
     with writing() as store, progress(f"lessons as {role}") as report:
         recordings = record_lessons(
@@ -120,10 +130,17 @@ def reproduce(
     out: Path | None,
     plot: Path | None,
     data: DataFlags,
+    overwrite: bool,
     json: bool,
 ) -> None:
+    inputs = [*paths, *([force_from] if force_from else [])]
+    may_draw(plot, inputs=inputs, overwrite=overwrite)
+    if out is not None:
+        must_store(out)
+        may_write([out], inputs=inputs, overwrite=overwrite)
     skills = {path: skill_file.load(path) for path in paths}
     learned, path = skills[paths[0]], paths[0]
+    _one_role_or_auto(skills, role)
     clock = WallClock() if realtime else SimulatedClock()
     # a run on the wall clock is on real time, and cannot be had again: it reaches the disk as it goes
     live = [LiveFile(out.with_suffix(".live.mcap"))] if realtime and out is not None else []
@@ -158,22 +175,38 @@ def reproduce(
     }
     if notice := recording.metadata.get("notice"):
         result["notice"] = notice
+    cut = recording.metadata["stop_reason"] == "interrupted"
     if out is not None:
-        write(recording, out)
+        write(recording.with_metadata(incomplete="interrupted") if cut else recording, out)
         for file in live:
             file.discard()
         result["recording"] = str(out)
+        keeping(f"{out} holds the {recording.duration_s:.1f} s until then, and says that it is cut")
+    unbroken(recording)
     if plot is not None:
         from ..evaluation import drawing as figures
 
-        figures.save(figures.reproduction(recording, title=f"{path.stem}, law {result['law']}"), plot)
+        stems = " and ".join(one.stem for one in paths)
+        told_it = ", told nothing" if role == "auto" else ""
+        figures.save(figures.reproduction(recording, title=f"{stems}{told_it}, law {result['law']}"), plot)
         result["picture"] = str(plot)
     if json:
         print_json(result)
         return
-    for name, value in result.items():
-        shown = f"{value:.4g}" if isinstance(value, float) else ", ".join(value) or "none" if isinstance(value, tuple) else value
-        print(f"{name}: {shown}")
+    for line in told(result, partner=f"the partner of seed {seed}", units=learned.units):
+        say(line)
+
+
+def _one_role_or_auto(skills: Mapping[Path, LearnedSkill], role: str | None) -> None:
+    """Several skills are for a robot that finds out its role; otherwise all but the first would be left out in silence."""
+    if len(skills) > 1 and role != "auto":
+        raise ParameterError(
+            f"{len(skills)} skills and {'--role ' + role if role else 'no --role'}: one is run; only --role auto takes "
+            "skills of both roles"
+        )
+    roles = Counter(one.role for one in skills.values())
+    if role == "auto" and (twice := [r or "not stated" for r, n in roles.items() if n > 1]):
+        raise ParameterError(f"--role auto takes one skill a role; {twice[0]} comes twice among {', '.join(map(str, skills))}")
 
 
 def _lessons_start(learned: LearnedSkill, task: Task) -> Array | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +16,13 @@ from ..learned.skill import LearnedSkill
 from ..tasks import TASKS, Task, named
 from ..trials import ABLATION, LAWS, Case, Verdict, draw_case, paired, partner_of, run_cases, success_interval
 from ..trials.cases import ROLES, TASK
-from ..trials.foreign import PartnersFrom
+from ..trials.foreign import PartnersFrom, bounds_memory
 from ..trials.running import one_run
-from .console import print_json, progress, table
+from .console import note, print_json, progress, say, table
+from .ending import keeping
+from .outputs import may_fill, must_draw
 from .running import taught
+from .words import explained
 
 WORST = 10
 
@@ -38,6 +41,7 @@ def trial(
     misbehaving: float,
     pictures: Path | None,
     workers: int,
+    overwrite: bool,
     json: bool,
 ) -> None:
     if unknown := sorted(set(laws) - set(LAWS)):
@@ -46,6 +50,8 @@ def trial(
         raise ParameterError(f"--misbehaving is a share of the partners, 0 to 1; got {misbehaving}")
     if partners < 1:
         raise ParameterError(f"--partners must be at least 1; got {partners}")
+    if workers < 0:
+        raise ParameterError(f"--workers must be 0 (one a core) or more; got {workers}")
     if people:
         from . import people as of_kinds
 
@@ -59,18 +65,30 @@ def trial(
             raise ParameterError(f"{given[0]} does not go with --people; leave one of them out")
         of_kinds.trial(roles, people, partners, seed, plant, laws, files, misbehaving, workers, json)
         return
-    makes = PartnersFrom(str(partners_from)) if partners_from is not None else partner_of
-    asked = _Asked(roles, partners, seed, plant, tuple(laws), ablate, misbehaving, makes, workers)
+    whats = _tasks(tasks, files)
+    asked = _Asked(roles, partners, seed, plant, tuple(laws), ablate, misbehaving, partner_of, workers)
+    folders = {what.name: pictures / what.name if pictures is not None and tasks else pictures for what in whats}
+    if pictures is not None:
+        must_draw("--pictures")
+        for folder in folders.values():
+            names = (picture_name(r, w, n + 1) for r in roles for w in asked.laws_of(r) for n in range(WORST))
+            may_fill(folder or pictures, names, overwrite=overwrite, flag="--pictures")
+    if partners_from is not None:
+        asked = replace(asked, makes=PartnersFrom(str(partners_from), bounded=True))
+        if not bounds_memory():
+            note("what a partner of yours allocates cannot be bounded on this system")
     results: dict[str, dict[str, Any]] = {}
-    for task in _tasks(tasks, files):
-        folder = pictures / task.name if pictures is not None and tasks else pictures
-        results[task.name] = _of_task(asked, task, files, folder, says=task.name if tasks else "")
+    for task in whats:
+        results[task.name] = _of_task(asked, task, files, folders[task.name], says=task.name if tasks else "")
     if json:
         print_json(results if tasks else results[TASK])
         return
     for name, by_role in results.items():
         for role, by_law in by_role.items():
             _print(role, by_law, partners, seed, plant, task=name if tasks else "")
+    words = ["effort", "peak", "end", "ripple", "LDLJ", *(["told nothing", "role right"] if "auto" in roles else [])]
+    for line in explained(words):
+        say(line)
 
 
 @dataclass(frozen=True)
@@ -121,6 +139,7 @@ def _of_task(asked: _Asked, task: Task, files: Sequence[Path], pictures: Path | 
         cases = [draw_case(role, rng, task=task, misbehaving=asked.misbehaving) for _ in range(asked.partners)]
         by_law: dict[str, list[Verdict]] = {}
         for law in asked.laws_of(role):
+            keeping("a trial is told when it is over; nothing was written")
             with progress(", ".join(filter(None, (says, role, law)))) as report:
                 by_law[law] = run_cases(
                     cases, skills, law, plant=asked.plant, workers=asked.workers, partner=asked.makes, progress=report
@@ -155,11 +174,17 @@ def skills_for(
             )
         skills[learned.role] = learned
     wanted = {"leader", "follower"} if "auto" in roles or "active-passive" in laws else set(roles)
+    if files and (absent := sorted(wanted - set(skills))):
+        note(f"no --skill as {' or '.join(absent)}: learned now from five simulated lessons a role")
     for role in sorted(wanted - set(skills)):
         skills[role] = taught(role, seed=0, task=what)
     if "auto" in roles and "natural" not in skills and not files:
         skills["natural"] = taught("natural", seed=0, task=what)
     return skills
+
+
+def picture_name(role: str, law: str, place: int) -> str:
+    return f"{role}_{law}_{place:02d}.png"
 
 
 def _draw_worst(
@@ -182,7 +207,7 @@ def _draw_worst(
         recording, verdict = one_run(case, skills, law, plant, partner=people)
         why = ", ".join(verdict.failures) or f"effort {verdict.effort_n2s:.0f} N²s"
         title = f"{case.role}, {law}, partner {i}: {case.partner}, {case.behaviour}: {why}"
-        file = folder / f"{case.role}_{law}_{place:02d}.png"
+        file = folder / picture_name(case.role, law, place)
         figures.save(figures.reproduction(recording, title=title), file)
         files.append(str(file))
     return files
@@ -198,31 +223,35 @@ def _print(role: str, by_law: Mapping[str, Mapping[str, Any]], partners: int, se
             law,
             f"{100 * r['success']:.1f} %",
             f"{100 * r['interval'][0]:.1f}-{100 * r['interval'][1]:.1f}",
-            _short(r["effort"]),
-            _short(r["time_s"]),
-            f"{r['peak_force_n']:.3g}",
-            f"{100 * r['end_error_m']:.2g}",
-            f"{r['tilt_deg']:.2g}",
-            f"{1000 * r['ripple_m_per_s']:.2g}",
-            f"{r['smoothness']:.3g}",
+            _shown(r["effort"], 1.0, 3),
+            _shown(r["time_s"], 1.0, 3),
+            _shown(r["peak_force_n"], 1.0, 3),
+            _shown(r["end_error_m"], 100.0, 2),
+            _shown(r["tilt_deg"], 1.0, 2),
+            _shown(r["ripple_m_per_s"], 1000.0, 2),
+            _shown(r["smoothness"], 1.0, 3),
         ]
         if role == "auto":
             row.append("-" if r["role_right"] is None else f"{100 * r['role_right']:.1f} %")
         rows.append(row)
-    what = f"{task}: robot" if task else "Robot"
-    table(f"{what} as {role} on the {plant}: {partners} partners it has never met (seed {seed})", columns, rows)
+    who = "Robot told nothing" if role == "auto" else f"Robot as {role}"
+    who = f"{task}: {who}" if task else who
+    table(
+        f"{who}, on the {plant}: {partners} partners it has never met (seed {seed}); medians over those who behave", columns, rows
+    )
     for law, r in by_law.items():
         by = ", ".join(f"{name} {s['successes']}/{s['partners']}" for name, s in r["behaviours"].items())
         why = "; ".join(f"{reason} {n}" for reason, n in r["failures"].items()) or "none"
-        print(f"{law}: {by}. Failures: {why}")
+        say(f"{law}: {by}. Failures: {why}")
         if (apart := r.get("default_minus_this")) is not None:
-            print(f"  default minus {law}: {_differences(apart)}")
+            say(f"  default minus {law}: {_differences(apart)}")
         for file in r.get("pictures", ()):
-            print(f"  {file}")
+            say(f"  {file}")
 
 
-def _short(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
+def _shown(value: float | None, factor: float, digits: int) -> str:
+    """ "-" where no partner behaved, so that there is nothing to take a median of."""
+    return "-" if value is None else f"{factor * value:.{digits}g}"
 
 
 def _differences(apart: Mapping[str, Any]) -> str:

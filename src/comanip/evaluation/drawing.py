@@ -23,9 +23,12 @@ from ..models.gaussian import marginal
 from ..models.gmm import Gmm
 from ..models.hmm import Hmm
 from ..recording import Recording
+from ..shown import for_drawing
+from ..whole_file import write_whole
 
 SUFFIXES = (".png", ".svg", ".pdf")
 DPI = 160
+SIGNATURE = "comanip"
 
 # five colours that also differ in lightness, darkest first; used in this order
 INK, CLAY, SEA, SAND, ASH = "#14213d", "#c8553d", "#2a9d8f", "#e9b44c", "#9aa0a6"
@@ -65,6 +68,8 @@ _TASTE: Any = {
 _CAPTION_SIZE = 7.5  # [pt]
 _LETTER_IN = 0.0555  # width of an average letter of a caption [in]
 _LINE_IN = 0.145
+_TITLE_LETTER_IN = 0.094  # of a bold title; 0.087 is the average, and a title of capitals must fit too
+_TITLE_LINE_IN = 0.2
 
 
 @contextmanager
@@ -79,7 +84,7 @@ def taste() -> Iterator[None]:
 
 
 def blank(width_in: float, height_in: float, *, title: str = "", legend: Sequence[Any] = (), caption: str = "") -> Any:
-    """An empty Figure with room for title, legend (handles) and caption; call it inside `taste()` and add axes.
+    """An empty Figure with room for title and caption, wrapped, and legend (handles); call it inside `taste()` and add axes.
 
     The legend stands above all panels, where it hides nothing and moves nothing.
     """
@@ -87,17 +92,21 @@ def blank(width_in: float, height_in: float, *, title: str = "", legend: Sequenc
         from matplotlib.figure import Figure
     except ImportError:
         raise ParameterError("drawing needs matplotlib: pip install 'comanip[plot]'") from None
-    lines = textwrap.wrap(caption, int(width_in / _LETTER_IN)) if caption else []
+    lines = textwrap.wrap(for_drawing(caption), int(width_in / _LETTER_IN)) if caption else []
+    heads = textwrap.wrap(for_drawing(title), int(width_in / _TITLE_LETTER_IN)) if title else []
     below = (len(lines) * _LINE_IN + 0.14) if lines else 0.0
-    above = (0.32 if title else 0.0) + (0.26 if legend else 0.0)
+    titled = len(heads) * _TITLE_LINE_IN + 0.12 if heads else 0.0
+    above = titled + (0.26 if legend else 0.0)
     whole = height_in + below + above
     figure = Figure(figsize=(width_in, whole), layout="constrained")
     engine: Any = figure.get_layout_engine()
     engine.set(rect=(0.0, below / whole, 1.0, height_in / whole), w_pad=0.06, h_pad=0.05, wspace=0.03, hspace=0.03)
-    if title:
-        figure.text(0.06 / width_in, 1.0 - 0.09 / whole, title, fontsize=10.5, fontweight="bold", va="top")
+    if heads:
+        figure.text(
+            0.06 / width_in, 1.0 - 0.09 / whole, "\n".join(heads), fontsize=10.5, fontweight="bold", va="top", linespacing=1.25
+        )
     if legend:
-        top = 1.0 - (0.34 if title else 0.04) / whole
+        top = 1.0 - (titled + 0.02 if heads else 0.04) / whole
         figure.legend(handles=legend, loc="upper left", bbox_to_anchor=(0.0, top), ncols=len(legend), borderaxespad=0.0)
     if lines:
         figure.text(
@@ -148,7 +157,18 @@ def _counted(lessons: Sequence[Demonstration]) -> str:
     return f"{len(lessons)} demonstration{'s' if len(lessons) > 1 else ''} ({', '.join(parts)})"
 
 
+def _unit(units: Mapping[str, str], group: str, i: int) -> str:
+    """ "[m]", "[rad/s]", "F [N]": the axis' own unit, where a group has one an axis ("m,m,rad"), else the group's."""
+    stated = [u.strip() for u in (units.get(group) or _USUAL[group]).split(",")]
+    unit = stated[i] if i < len(stated) > 1 else stated[0]
+    return f"F [{unit}]" if group == "force" else f"[{unit}]"
+
+
+_USUAL = {"position": "m", "velocity": "m/s", "force": "N"}
+
+
 def _draw_lessons(ax: Any, lessons: Sequence[Demonstration], panel: str, i: int, axis: str) -> None:
+    units = lessons[0].units
     for lesson in lessons:
         style = {**ROLE_STYLE.get(lesson.role, ROLE_STYLE[""]), "linewidth": 1.1}
         if panel == "force-velocity":
@@ -158,25 +178,24 @@ def _draw_lessons(ax: Any, lessons: Sequence[Demonstration], panel: str, i: int,
         ax.plot(x, y, **style)
         ax.plot(x[0], y[0], "o", color=style["color"], markersize=3)
     if panel == "force-velocity":
-        label(ax, f"velocity{axis} [m/s]", f"force{axis} F [N]")
+        label(ax, f"velocity{axis} {_unit(units, 'velocity', i)}", f"force{axis} {_unit(units, 'force', i)}")
         ax.axhline(0.0, color=ASH, linewidth=0.7, zorder=0)
         ax.axvline(0.0, color=ASH, linewidth=0.7, zorder=0)
     else:
-        unit = {"position": "[m]", "velocity": "[m/s]", "force": "F [N]"}[panel]
-        label(ax, "time [s]", f"{panel}{axis} {unit}")
+        label(ax, "time [s]", f"{panel}{axis} {_unit(units, panel, i)}")
 
 
 def roles_legend(roles: Sequence[str]) -> list[Any]:
     """Handles that name the roles among `roles`, each once."""
-    names = {"leader": "robot leads", "follower": "robot follows"}
-    return [line(label=names.get(r, r), **ROLE_STYLE.get(r, ROLE_STYLE[""])) for r in dict.fromkeys(roles) if r]
+    names = {"leader": "robot leads", "follower": "robot follows", "natural": "nobody was told a role"}
+    return [line(label=names.get(r) or for_drawing(r), **ROLE_STYLE.get(r, ROLE_STYLE[""])) for r in dict.fromkeys(roles) if r]
 
 
 def label(ax: Any, x: str, y: str, title: str = "") -> None:
-    ax.set_xlabel(x)
-    ax.set_ylabel(y)
+    ax.set_xlabel(for_drawing(x))
+    ax.set_ylabel(for_drawing(y))
     if title:
-        ax.set_title(title)
+        ax.set_title(for_drawing(title))
 
 
 def line(**style: Any) -> Any:
@@ -205,7 +224,7 @@ def skills(named: Mapping[str, LearnedSkill]) -> Any:
         "back and forth along position."
     )
     with taste():
-        handles = [line(label=n, **styles[n]) for n in named]
+        handles = [line(label=for_drawing(n), **styles[n]) for n in named]
         width = 2.9 * len(planes) if len(planes) > 1 else 4.6
         figure = blank(width, 2.8 * len(axes_names), legend=handles, caption=caption)
         grid = figure.subplots(len(axes_names), len(planes), squeeze=False)
@@ -214,11 +233,8 @@ def skills(named: Mapping[str, LearnedSkill]) -> Any:
                 for name, skill in named.items():
                     ellipses(ax, skill.model, f"{a}.{axis}", f"{b}.{axis}", **styles[name])
                 suffix = "" if len(axes_names) == 1 else f" {axis}"
-                label(ax, *(f"{g}{suffix} {u}" for g, u in ((a, _UNITS[a]), (b, _UNITS[b]))))
+                label(ax, *(f"{g}{suffix} {_unit(skill_list[0].units, g, i)}" for g in (a, b)))
     return figure
-
-
-_UNITS = {"position": "[m]", "velocity": "[m/s]", "force": "F [N]"}
 
 
 def _skill_styles(named: Mapping[str, LearnedSkill]) -> dict[str, Mapping[str, Any]]:
@@ -270,29 +286,31 @@ def reproduction(recording: Recording, *, title: str = "") -> Any:
     hand = recording["hand.position"]
     names, t0 = hand.axes, float(hand.time[0])
     thought = "skill.weights" if "skill.weights" in recording else ""
-    below = [n for n in (thought, "skill.phase", "beam.tilt") if n and n in recording]
+    below = [n for n in (thought, "skill.role", "skill.phase", "beam.tilt") if n and n in recording]
     rows = ["position", "velocity", *(["force"] if _has_force(recording) else []), *below]
     role, reason = str(recording.metadata.get("role", "")), str(recording.metadata.get("stop_reason", ""))
     caption = (
-        (f"Robot as {role}. " if role else "")
-        + (f"Ended by: {reason}. " if reason else "")
-        + (f"{recording.metadata['notice']}. " if recording.metadata.get("notice") else "")
+        (f"{_AS.get(role, f'Robot as {role}')}. " if role else "")
+        + (f"Ended by: {_ENDS.get(reason, reason)}. " if reason else "")
+        + (f"Said by the skill: {recording.metadata['notice']}. " if recording.metadata.get("notice") else "")
         + "Refuted as collaboration if force stays after motion has ended, if position misses the goal, or if the object tilts."
     )
     with taste():
-        figure = blank(7.2 if len(names) < 3 else 2.6 * len(names), 1.35 * len(rows) + 0.3, title=title, caption=caption)
+        width = 7.2 if len(names) == 1 else 2.6 * len(names) + _LEGEND_IN
+        figure = blank(width, 1.35 * len(rows) + 0.3, title=title, caption=caption)
         grid = figure.add_gridspec(len(rows), len(names))
         first: Any = None
         for r, row in enumerate(rows):
-            columns = range(len(names)) if row in _UNITS else [slice(None)]
+            columns = range(len(names)) if row in _USUAL else [slice(None)]
             for c in columns:
                 ax = figure.add_subplot(grid[r, c], sharex=first)
                 first = first or ax
-                if row in _UNITS:
-                    _draw_run(ax, recording, row, int(c), f" {names[c]}" if len(names) > 1 else "", t0)  # type: ignore[arg-type]
+                if row in _USUAL:
+                    _draw_run(ax, recording, row, int(c), t0)  # type: ignore[arg-type]
                 else:
                     _draw_thought(ax, recording, row, t0)
-                ax.tick_params(labelbottom=r == len(rows) - 1)
+                narrow = len(names) > 1 and row in _USUAL and (r + 1 == len(rows) or rows[r + 1] not in _USUAL)
+                ax.tick_params(labelbottom=narrow or r == len(rows) - 1)  # numbers under the last row of each width
                 if r == len(rows) - 1:
                     ax.set_xlabel("time [s]")
         figure.align_ylabels()
@@ -304,7 +322,15 @@ def _has_force(recording: Recording) -> bool:
     return "hand.force" in recording or "hand.true_force" in recording
 
 
-def _draw_run(ax: Any, recording: Recording, row: str, c: int, axis: str, t0: float) -> None:
+_AS = {"auto": "Robot told nothing", "leader": "Robot leads", "follower": "Robot follows"}
+_ENDS = {"duration": "the time given was over", "interrupted": "Ctrl-C: the run is cut"}
+_LEGEND_IN = 1.5
+
+
+def _draw_run(ax: Any, recording: Recording, row: str, c: int, t0: float) -> None:
+    """One axis of a signal; the legend stands once a row, beside its last axis, where it takes room from none."""
+    hand = recording["hand.position"]
+    several = len(hand.axes) > 1
     drawn: dict[str, tuple[tuple[str, str, Mapping[str, Any]], ...]] = {
         "position": (
             ("partner.position", "partner's end", {"color": SAND, "linestyle": DASHES[1], "linewidth": 2.0}),
@@ -328,8 +354,11 @@ def _draw_run(ax: Any, recording: Recording, row: str, c: int, axis: str, t0: fl
         _draw_goal(ax, recording, c, t0)
     else:
         ax.axhline(0.0, color=ASH, linewidth=0.7, zorder=0)
-    ax.set_ylabel(f"{row}{axis}\n{_UNITS[row]}")
-    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    units = {row: next((recording[name].unit for name, _, _ in drawn[row] if name in recording), "")}
+    axis = f" {for_drawing(hand.axes[c])}" if several else ""
+    ax.set_ylabel(f"{row}{axis}\n{for_drawing(_unit(units, row, c))}")
+    if c == len(hand.axes) - 1:
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def _draw_goal(ax: Any, recording: Recording, c: int, t0: float) -> None:
@@ -357,6 +386,8 @@ def _draw_thought(ax: Any, recording: Recording, row: str, t0: float) -> None:
     time, values = channel.time - t0, channel.values
     if row == "skill.weights":
         _draw_weights(ax, time, values)
+    elif row == "skill.role":
+        _draw_opinion(ax, time, values)
     elif row == "skill.phase":
         ax.plot(time, values[:, 0], color=INK)
         ax.set_ylabel("phase of\nthe task [s]")
@@ -368,6 +399,15 @@ def _draw_thought(ax: Any, recording: Recording, row: str, t0: float) -> None:
         ax.set_ylabel("beam's tilt\n[deg]")
         if len(channel.axes) > 1:
             ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def _draw_opinion(ax: Any, time: Array, values: Array) -> None:
+    """What a robot that was told nothing takes itself for: probabilities, in the order of `skills.roles`."""
+    for name, role, column in zip(("leads", "follows", "shares"), ("leader", "follower", ""), values.T, strict=False):
+        ax.plot(time, column, label=name, **{**ROLE_STYLE[role], "linewidth": 1.6 if role else 1.0})
+    ax.set_ylim(-0.03, 1.03)
+    ax.set_ylabel("takes itself\nfor [-]")
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def _draw_weights(ax: Any, time: Array, weights: Array) -> None:
@@ -405,10 +445,11 @@ def save(figure: Any, path: str | Path) -> Path:
         raise ParameterError(
             f"{path.name}: cannot draw into {path.suffix or 'a name without suffix'!r}; allowed: {', '.join(SUFFIXES)}"
         )
-    path.parent.mkdir(parents=True, exist_ok=True)
+    drawn = io.BytesIO()
     with taste():
         _settle(figure)
-        figure.savefig(path, dpi=DPI, metadata=_undated(path.suffix.lower()))
+        figure.savefig(drawn, format=path.suffix.lower()[1:], dpi=DPI, metadata=_signed(path.suffix.lower()))
+    write_whole(path, drawn.getvalue())
     return path
 
 
@@ -424,8 +465,14 @@ def _settle(figure: Any) -> None:
         ax.set_position([round(v, 4) for v in ax.get_position(original=True).bounds])
 
 
-def _undated(suffix: str) -> dict[str, Any]:
-    return {".svg": {"Date": None}, ".pdf": {"CreationDate": None}, ".png": {}}[suffix]
+def _signed(suffix: str) -> dict[str, Any]:
+    """What a picture says of itself: who drew it, so that it may be drawn again, and no date, so that it is the same again."""
+    by_suffix: dict[str, dict[str, Any]] = {
+        ".svg": {"Date": None, "Creator": SIGNATURE},
+        ".pdf": {"CreationDate": None, "Creator": SIGNATURE},
+        ".png": {"Software": SIGNATURE},
+    }
+    return by_suffix[suffix]
 
 
 def to_svg(figure: Any) -> str:
@@ -433,7 +480,7 @@ def to_svg(figure: Any) -> str:
     text = io.StringIO()
     with taste():
         _settle(figure)
-        figure.savefig(text, format="svg", metadata=_undated(".svg"))
+        figure.savefig(text, format="svg", metadata=_signed(".svg"))
     whole = text.getvalue()
     return whole[whole.index("<svg") :]
 

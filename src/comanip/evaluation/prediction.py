@@ -13,13 +13,15 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.stats import chi2
 
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from ..learned.skill import LearnedSkill, learn
 from ..lessons.demonstration import Demonstration
-from ..loop import run
+from ..loop import run, unbroken
 from ..models.filtering import ForwardFilter
+from ..models.gaussian import marginal
 from ..models.gmr import Regression
 from ..models.hmm import log_likelihood
 from ..plants.replay import ReplayPlant
@@ -55,8 +57,10 @@ class Prediction(NamedTuple):
     one_step_velocity_rmse_per_axis: list[float]
     free_run_position_rmse_m: float
     free_run_end_error_m: float
+    free_run_position_rmse_per_axis: list[float]
 
 
+PER_AXIS = ("one_step_velocity_r2_per_axis", "one_step_velocity_rmse_per_axis", "free_run_position_rmse_per_axis")
 OVERALL = (
     "one_step_velocity_r2",
     "one_step_velocity_rmse",
@@ -83,12 +87,23 @@ def predict(learned: LearnedSkill, lesson: Demonstration) -> Prediction:
         one_step_velocity_rmse_per_axis=rmse_axes,
         free_run_position_rmse_m=float(np.sqrt((apart**2).sum(axis=1).mean())),
         free_run_end_error_m=float(np.linalg.norm(apart[-1])),
+        free_run_position_rmse_per_axis=np.sqrt((apart**2).mean(axis=0)).tolist(),
     )
 
 
 def overall(predictions: Sequence[Prediction]) -> dict[str, float]:
-    """Means over the files."""
-    return {name: float(np.mean([getattr(p, name) for p in predictions])) for name in OVERALL}
+    """Means over the files; a file in which nothing moves has no R², and is no part of its mean."""
+    return _over(predictions, np.nanmean)
+
+
+def medians(predictions: Sequence[Prediction]) -> dict[str, float]:
+    """As `overall`: what one odd file cannot move."""
+    return _over(predictions, np.nanmedian)
+
+
+def _over(predictions: Sequence[Prediction], typical: Callable[[Array], Any]) -> dict[str, float]:
+    values = {name: np.array([getattr(p, name) for p in predictions], dtype=float) for name in OVERALL}
+    return {name: float("nan") if np.isnan(v).all() else float(typical(v)) for name, v in values.items()}
 
 
 def one_step_velocity(learned: LearnedSkill, lesson: Demonstration) -> Array:
@@ -128,7 +143,7 @@ def free_run(learned: LearnedSkill, lesson: Demonstration) -> Array:
         workspace=learned.workspace,
         law=law,
     )
-    return np.array(run(plant, skill, duration_s=len(lesson) * lesson.dt)["hand.position"].values)
+    return np.array(unbroken(run(plant, skill, duration_s=len(lesson) * lesson.dt))["hand.position"].values)
 
 
 def leave_one_out(
@@ -137,16 +152,27 @@ def leave_one_out(
     progress: Callable[[int, int], None] | None = None,
     **learning: Any,
 ) -> list[Prediction]:
-    """Each lesson predicted by a skill learned from all the others. `learning` goes to `learn`."""
-    if len(lessons) < 2:
-        raise ParameterError(f"leave-one-out needs at least 2 recordings; got {len(lessons)}")
+    """Each lesson predicted by a skill learned from all the others. `learning` goes to `learn`.
+
+    Fragments of one recording (cut at gaps: name#0, name#1) are left out together: one would teach what is asked of the other.
+    """
+    takes = [_take(lesson, i) for i, lesson in enumerate(lessons)]
+    if len(set(takes)) < 2:
+        fragments = f", in {len(lessons)} fragments" if len(lessons) > 1 else ""
+        raise ParameterError(f"leave-one-out needs at least 2 recordings; got {len(set(takes))}{fragments}")
     found = []
     for i, lesson in enumerate(lessons):
-        others = [other for j, other in enumerate(lessons) if j != i]
+        others = [other for other, take in zip(lessons, takes, strict=True) if take != takes[i]]
         found.append(predict(learn(others, **learning), lesson))
         if progress is not None:
             progress(i + 1, len(lessons))
     return found
+
+
+def _take(lesson: Demonstration, number: int) -> tuple[str, str]:
+    """Which recording a lesson is: its own, unless it is a fragment."""
+    name, cut, _ = lesson.name.rpartition("#")
+    return (lesson.source, name) if cut else (f"lesson {number}", "")
 
 
 def classify(skills: Sequence[LearnedSkill], lesson: Demonstration) -> Array:
@@ -154,12 +180,44 @@ def classify(skills: Sequence[LearnedSkill], lesson: Demonstration) -> Array:
 
     Likelihoods are compared over the channels that all skills share, so a skill with fewer channels gets no advantage.
     """
-    shared = [c for c in skills[0].model.channels if all(c in s.model.channels for s in skills)]
-    if not shared:
-        raise ChannelError("the skills share no channel, so their likelihoods cannot be compared")
+    shared = _shared_channels(skills)
     scores = np.array([_shared_likelihood(s, lesson, shared) for s in skills])
     weights = np.exp(scores - scores.max())
     return np.asarray(weights / weights.sum())
+
+
+KNOWN_SHARE = 0.25  # of a recording's frames: with fewer it shows something else
+KNOWN_QUANTILE = 0.999
+MOVING_SHARE = 0.1  # of a recording's top speed
+
+
+def familiar(skills: Sequence[LearnedSkill], lesson: Demonstration) -> list[float]:
+    """For each skill the share of moving frames that lie where its own lessons were, over the channels that all share.
+
+    At rest all tasks look alike; so the frames count in which something moves at more than a tenth of the top speed.
+
+    A frame is known when some state's 99.9 % ellipsoid holds it, position taken with the doubt of a start beside the taught one.
+    A posterior only compares: of two skills one is always the likelier, also for a recording of neither.
+    """
+    shared = _shared_channels(skills)
+    speed = np.linalg.norm(lesson.velocity, axis=1)
+    frames = lesson.array(shared)[speed >= MOVING_SHARE * speed.max()]
+    return [_known_share(s, frames, shared) for s in skills]
+
+
+def _known_share(learned: LearnedSkill, frames: Array, shared: Sequence[str]) -> float:
+    model = blurred(learned.model, _doubt(learned, WEIGHT_DOUBT))
+    means, covariances = marginal(model.means, model.covariances, [model.channels.index(c) for c in shared])
+    apart = frames[:, None, :] - means  # (T, K, D)
+    squared = np.einsum("tki,kij,tkj->tk", apart, np.linalg.inv(covariances), apart)
+    return float((squared.min(axis=1) < chi2.ppf(KNOWN_QUANTILE, len(shared))).mean())
+
+
+def _shared_channels(skills: Sequence[LearnedSkill]) -> list[str]:
+    shared = [c for c in skills[0].model.channels if all(c in s.model.channels for s in skills)]
+    if not shared:
+        raise ChannelError("the skills share no channel, so their likelihoods cannot be compared")
+    return shared
 
 
 def _shared_likelihood(learned: LearnedSkill, lesson: Demonstration, shared: Sequence[str]) -> float:

@@ -40,6 +40,7 @@ class Fit(Generic[Model]):
 
     @property
     def n_iterations(self) -> int:
+        """Steps of EM that were taken."""
         return len(self.log_likelihood) - 1
 
     def __repr__(self) -> str:
@@ -127,15 +128,18 @@ def best_climb(
     return max(climbs, key=lambda found: float(found[1][-1]))
 
 
-def kept_states(occupancy: Array, time: Array | None, converged: bool, iterations: int, notes: Notes) -> np.ndarray:
+def kept_states(
+    occupancy: Array, time: Array | None, converged: bool, iterations: int, notes: Notes, first: int = 0
+) -> np.ndarray:
     """States in order of their mean time, those that no frame visits left out and reported.
 
-    occupancy (K,) Σγ over all frames; time (K,) the same times the normalised time, or None where states are in order already.
+    occupancy (K,) Σγ over all frames; time (K,) the same times the normalised time, or None where states are in order already:
+    round and round from `first`.
     """
     unvisited = np.flatnonzero(occupancy < UNVISITED)
     say_unvisited(unvisited, len(occupancy), notes)
     say_converged(converged, iterations, notes)
-    order = np.arange(len(occupancy))
+    order = np.roll(np.arange(len(occupancy)), -first)
     if time is not None:
         order = np.argsort(time / np.maximum(occupancy, 1e-300), kind="stable")
     return order[~np.isin(order, unvisited)]

@@ -1,7 +1,8 @@
 """Demonstrations made ready for learning: checked, and brought to coordinates without units.
 
-Learning happens in z = (x − mean) / spread, channel by channel over all demonstrations together. Then a change of unit
-or of world frame changes nothing but the last digits, and one relative floor serves metres and newtons alike.
+Learning happens in z = (x − mean) / spread over all demonstrations together, with one spread a channel group: position, velocity,
+force. Then a change of unit, of world frame or of how axes are turned changes nothing but the last digits, and one relative floor
+serves metres and newtons alike.
 """
 
 from __future__ import annotations
@@ -182,6 +183,16 @@ def _refuse_outliers(x: Array, lengths: np.ndarray, names: tuple[str, ...], rati
         )
 
 
+def pooled(scale: Array, names: tuple[str, ...], chosen: np.ndarray) -> None:
+    """One spread for the `chosen` channels (D,) of a group, "force.x" and "force.z": the root of their mean variance. With one
+    each a task with turned axes would have other floors and distances, and teach another model."""
+    groups = [name.rpartition(".")[0] or name for name in names]
+    for group in set(groups):
+        members = [i for i, g in enumerate(groups) if g == group and chosen[i]]
+        if len(members) > 1:
+            scale[members] = np.sqrt(np.mean(scale[members] ** 2))
+
+
 def _spread(
     x: Array,
     offset: Array,
@@ -191,7 +202,7 @@ def _spread(
     allow_constant: float | Mapping[str, float] | None,
     notes: Notes,
 ) -> Array:
-    """Pooled standard deviation of each channel; a constant channel has none, so the caller must state one."""
+    """Standard deviation of each channel group over all demonstrations; a constant channel has none, so the caller states one."""
     scale = np.sqrt(np.mean((x - offset) ** 2, axis=0))
     stated_spread(scale, x.min(axis=0), x.max(axis=0), names, n_demonstrations, covariance_floor, allow_constant, notes)
     return scale
@@ -207,11 +218,13 @@ def stated_spread(
     allow_constant: float | Mapping[str, float] | None,
     notes: Notes,
 ) -> None:
-    """Replaces the spread of channels that never change, `low` = `high`, by what the caller states; TrainingError if nothing."""
+    """One spread a channel group; that of channels that never change, `low` = `high`, is what the caller states, TrainingError if
+    nothing."""
     # the mean of equal numbers is off by rounding, so compare extremes instead of asking for scale == 0
     constant = high - low <= 8.0 * np.finfo(float).eps * np.maximum(np.abs(low), np.abs(high))
     allowed = allow_constant if isinstance(allow_constant, Mapping) else {name: allow_constant for name in names}
     by_name = {column: value for name, value in allowed.items() for column in expand(name, names)}
+    pooled(scale, names, ~constant)
     for column in np.flatnonzero(constant):
         name = names[column]
         stated = by_name.get(name)
@@ -246,7 +259,8 @@ def _look_for_collinearity(z: Array, names: tuple[str, ...], notes: Notes) -> No
     alive = np.flatnonzero(np.ptp(z, axis=0) > 0.0)  # a constant channel has its own note
     if len(alive) < 2:
         return
-    correlation = z[:, alive].T @ z[:, alive] / len(z)
+    own = z[:, alive] / np.sqrt(np.mean(z[:, alive] ** 2, axis=0))
+    correlation = own.T @ own / len(z)
     values = np.linalg.eigvalsh(correlation)
     condition = values[-1] / max(values[0], 1e-300)
     if condition > COLLINEAR:

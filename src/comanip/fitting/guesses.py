@@ -9,7 +9,8 @@ import numpy as np
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from ..models.gaussian import floored
-from .coordinates import Lessons
+from . import cycles
+from .coordinates import Lessons, Notes
 from .m_step import weighted_gaussians
 
 
@@ -34,6 +35,24 @@ def time_bins(lessons: Lessons, n_states: int, rng: np.random.Generator | None =
     if rng is not None:
         cuts = np.sort(np.clip(cuts + rng.normal(scale=0.4 / n_states, size=len(cuts)), 0.0, 1.0))
     return np.searchsorted(cuts, lessons.normalised_time(), side="right")
+
+
+def cycle_bins(lessons: Lessons, n_states: int, rng: np.random.Generator | None = None) -> np.ndarray:
+    """Labels (N,): K parts of equal time of one cycle, found again in all; of the whole demonstration where nothing repeats."""
+    cycle = cycles.first_cycle(np.split(lessons.z, lessons.first_frames()[1:]), n_states, rng)
+    if cycle is None:
+        say_nothing_repeats(lessons.notes)
+        return time_bins(lessons, n_states, rng)
+    return cycles.from_its_start(cycles.phases(lessons.z, lessons.lengths, cycle), lessons.first_frames(), n_states)
+
+
+def say_nothing_repeats(notes: Notes) -> None:
+    text = (
+        "no demonstration repeats itself: nothing shows the way back from the last state to the first; record two cycles or more "
+        "without a stop, or use topology 'left-right'"
+    )
+    if text not in notes:  # once, however many restarts
+        notes.say(text)
 
 
 def k_means(z: Array, n_clusters: int, rng: np.random.Generator, max_iterations: int = 100) -> np.ndarray:
@@ -68,12 +87,16 @@ def in_order_of_time(labels: np.ndarray, time: Array, n_states: int) -> np.ndarr
     return rank[labels]
 
 
-def first_guess(lessons: Lessons, n_states: int, how: str, rng: np.random.Generator | None, jitter: bool) -> np.ndarray:
-    """Labels (N,) by "time" or "kmeans"; `jitter` asks for another one at each call."""
+def first_guess(
+    lessons: Lessons, n_states: int, how: str, rng: np.random.Generator | None, jitter: bool, cyclic: bool = False
+) -> np.ndarray:
+    """Labels (N,) by "time" or "kmeans"; `jitter` asks for another one at each call. `cyclic`: time within the period, if any."""
     if how not in ("time", "kmeans"):
         raise ParameterError(f"initial_guess must be 'time', 'kmeans' or a model; got {how!r}")
     if rng is None and (jitter or how == "kmeans"):
         raise ParameterError("k-means and restarts draw at random; pass rng=numpy.random.default_rng(seed)")
+    if how == "time" and cyclic:
+        return cycle_bins(lessons, n_states, rng if jitter else None)
     if how == "time":
         return time_bins(lessons, n_states, rng if jitter else None)
     assert rng is not None

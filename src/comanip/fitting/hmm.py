@@ -50,7 +50,8 @@ def fit_hmm(
 
     topology          which transitions exist: "left-right" (stay or go on), "cyclic" (the last goes on to the first),
                       "free"
-    initial_guess     "time" cuts each demonstration into K equal parts; "kmeans" needs rng; or an Hmm to go on from
+    initial_guess     "time" cuts each demonstration into K equal parts, with "cyclic" one period, where it finds one; "kmeans"
+                      needs rng; or an Hmm to go on from
     restarts          further guesses, moved at random; the most likely model wins; more than 1 needs rng
     covariance_floor  least variance in any direction as a ratio of the channels' variance over all demonstrations: 1e-4
                       is 1 % of the standard deviation, about 1 mm in a 0.3 m lift and 0.05 N at 5 N, near what sensors
@@ -65,7 +66,8 @@ def fit_hmm(
                       float64: it converges as "float64" does, to a likelihood equal within `tolerance`, and only the early
                       values of `Fit.log_likelihood` are less exact. Without compiled kernels both are float64
 
-    States come out in order of time. Read `Fit.notes`: what was removed, skipped or suspicious is said there.
+    States come out in order of time; those of "cyclic" in the order of the cycle, from where most demonstrations begin. Read
+    `Fit.notes`: what was removed, skipped or suspicious is said there.
     """
     check_options(topology, restarts, transition_floor, n_states, goes_on=isinstance(initial_guess, Hmm))
     single = in_float32(precision)
@@ -84,7 +86,7 @@ def fit_hmm(
         if isinstance(initial_guess, Hmm):
             gaussians = guessed_gaussians(initial_guess, lessons, n_states, covariance_floor)
             return Chain(initial_guess.initial.copy(), allowed_rows(initial_guess.transition, allowed), *gaussians)
-        labels = first_guess(lessons, n_states, initial_guess, rng, jitter=attempt > 0)
+        labels = first_guess(lessons, n_states, initial_guess, rng, jitter=attempt > 0, cyclic=topology == "cyclic")
         return from_labels(lessons, labels, allowed, covariance_floor, topology)
 
     best = best_climb(
@@ -120,7 +122,8 @@ def finished(
 
     occupancy (K,) Σγ over all frames; time() the same times the normalised time; score the log-likelihood in z.
     """
-    order = kept_states(occupancy, None if topology == "left-right" else time(), converged, len(trace) - 1, ground.notes)
+    begins = int(p.initial.argmax()) if topology == "cyclic" else 0
+    order = kept_states(occupancy, time() if topology == "free" else None, converged, len(trace) - 1, ground.notes, begins)
     initial = p.initial[order] / p.initial[order].sum()
     p = Chain(initial, rows_of_states(p.transition, order), p.means[order], p.covariances[order])
     if len(order) < len(occupancy):

@@ -79,7 +79,7 @@ def fit_hsmm(
     def start(attempt: int) -> _Parameters:
         if isinstance(initial_guess, (Hmm, Hsmm)):
             return _from_model(initial_guess, lessons, n_states, allowed, longest, duration_floor, covariance_floor)
-        labels = first_guess(lessons, n_states, initial_guess, rng, jitter=attempt > 0)
+        labels = first_guess(lessons, n_states, initial_guess, rng, jitter=attempt > 0, cyclic=topology == "cyclic")
         return _from_labels(lessons, labels, allowed, longest, covariance_floor, topology)
 
     best, trace, converged = best_climb(
@@ -92,8 +92,9 @@ def fit_hsmm(
     )
     weights = segment_sums(best, lessons.z, lessons.lengths, weights=True).weights
     assert weights is not None
-    time = None if topology == "left-right" else lessons.normalised_time() @ weights
-    order = kept_states(weights.sum(axis=0), time, converged, len(trace) - 1, lessons.notes)
+    time = lessons.normalised_time() @ weights if topology == "free" else None
+    begins = int(best.initial.argmax()) if topology == "cyclic" else 0
+    order = kept_states(weights.sum(axis=0), time, converged, len(trace) - 1, lessons.notes, begins)
     initial = best.initial[order] / best.initial[order].sum()
     p = _Parameters(
         initial, rows_of_states(best.transition, order), best.gamma[order], longest, best.means[order], best.covariances[order]

@@ -25,10 +25,11 @@ from ..models.hmm import Hmm
 from ..models.moments import moments_about
 from ..parallel import each
 from ..whole_file import digest, write_whole
+from . import cycles
 from .baum_welch import Chain, Statistics, allowed_transitions, expect, from_counts, label_counts, maximise
 from .climb import Fit, climb
 from .coordinates import Coordinates, Lessons, Notes, checked, stated_spread
-from .guesses import time_bins
+from .guesses import say_nothing_repeats, time_bins
 from .hmm import finished, weights_of
 from .m_step import gaussians_of_moments
 
@@ -143,7 +144,7 @@ def fit_stream(
     survey = _surveyed(run, source, n_states, covariance_floor, allow_constant)
     source = source._replace(offset=survey.offset, scale=survey.scale)
     if run.chain is None:
-        run.keep(chain=_first_guess(run, source, n_states, allowed, covariance_floor, topology))
+        run.keep(chain=_first_guess(run, source, n_states, allowed, covariance_floor, topology, survey.notes))
     _stepwise(run, source, survey, stepwise_passes, batch, covariance_floor, transition_floor)
     last: list[Statistics] = []
 
@@ -194,12 +195,12 @@ def _merged(a: Sequence[Any], b: Sequence[Any]) -> tuple[Any, ...]:
     return (n, a[1] + apart * share, squares, np.minimum(a[3], b[3]), np.maximum(a[4], b[4]), a[5] + b[5], a[6] + b[6])
 
 
-def _guess(path: str, source: Source, n_states: int) -> tuple[Any, ...]:
-    """Moments (K, D + 1, D + 1) about 0 of the time bins, transitions between them, bins of first frames."""
+def _guess(path: str, source: Source, n_states: int, cycle: cycles.Cycle | None) -> tuple[Any, ...]:
+    """Moments (K, D + 1, D + 1) about 0 of the time bins or phases, transitions between them, bins of first frames."""
     d = len(source.channels)
     sums: tuple[Any, ...] = (np.zeros((n_states, d + 1, d + 1)), np.zeros((n_states, n_states)), np.zeros(n_states))
     for lessons in source.lessons(path):
-        labels = time_bins(lessons, n_states)
+        labels = time_bins(lessons, n_states) if cycle is None else cycles.phases(lessons.z, lessons.lengths, cycle)
         moments = moments_about(np.zeros(d), lessons.z, np.eye(n_states)[labels])
         sums = _added(sums, (moments, *label_counts(lessons, labels, n_states)))
     return sums
@@ -256,8 +257,19 @@ def _surveyed(
     return Survey(np.array(mean), scale, source.channels, int(n), int(sequences), notes)
 
 
-def _first_guess(run: _Run, source: Source, n_states: int, allowed: np.ndarray, floor: float, topology: str) -> Chain:
-    moments, counts, first = run.fold("first guess", _guess, (source, n_states))
+def _first_guess(
+    run: _Run, source: Source, n_states: int, allowed: np.ndarray, floor: float, topology: str, notes: Notes
+) -> Chain:
+    cycle = None
+    if topology == "cyclic":
+        stacked = (lessons for path in run.paths for lessons in source.lessons(path))
+        cycle = cycles.first_cycle((z for some in stacked for z in np.split(some.z, some.first_frames()[1:])), n_states)
+        if cycle is None:
+            say_nothing_repeats(notes)
+    moments, counts, first = run.fold("first guess", _guess, (source, n_states, cycle))
+    if cycle is not None:  # numbered from where most begin
+        order = np.roll(np.arange(n_states), -int(first.argmax()))
+        moments, counts, first = moments[order], counts[np.ix_(order, order)], first[order]
     whole = moments.sum(axis=0) / moments[:, -1, -1].sum()
     centre = whole[:-1, -1]
     everything = np.tile(centre, (n_states, 1)), np.tile(whole[:-1, :-1] - np.outer(centre, centre), (n_states, 1, 1))

@@ -1,120 +1,216 @@
-"""Files on disk: `read` gives the recordings of a file or directory, `write` stores one.
+"""Files on disk: `read` gives the recordings of a file or folder, `write` stores one, `write_all` several.
 
-A format is recognised by its first bytes, then by its extension. Foreign columns are mapped with `Columns`.
+A format is recognised by its first bytes, then by its extension, a folder by what lies in it. Foreign columns are mapped with
+`Columns`. A new format costs its file and one line of `FORMATS`.
 """
 
 from __future__ import annotations
 
-import codecs
+import os
+from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
+from typing import Any, NamedTuple
 
-from ..errors import ComanipError, ParameterError, RecordingError
+from ..errors import ParameterError, RecordingError, given
 from ..recording import Recording
 from .columns import Columns
+from .packed import packing, unpacked
 
-__all__ = ["Columns", "read", "write"]
+__all__ = ["FORMATS", "Columns", "Format", "read", "recover", "write", "write_all"]
 
-# A file is read whole and takes several times its size meanwhile: these keep that near half a gigabyte.
-MAX_BYTES = {"text": 48 << 20, "mcap": 96 << 20, "arrays": 256 << 20}
-_MCAP = b"\x89MCAP0\r\n"
-_ARRAYS = (b"\x93NUMPY", b"PK\x03\x04", b"MATLAB 5.0")
-_FOREIGN_TEXT = ("<", "{\\rtf", "%PDF", "%!PS")
+
+class Format(NamedTuple):
+    """One kind of file or folder.
+
+    reads     "module:function" called as f(path, data, columns, recover) -> recordings; `data` is None unless `whole`
+    writes    "module:function" called as f(recordings, path); "" for what is only read
+    magic     first bytes of such files; "" in a suffix list is any file
+    suffixes  extensions, for files without such bytes, and for writing
+    marks     glob patterns of what lies in a folder of this format
+    limit_mb  the largest file that is read
+    whole     read as bytes by `read` (and unpacked, where it is packed), or opened by the reader
+    """
+
+    name: str
+    reads: str
+    writes: str = ""
+    magic: tuple[bytes, ...] = ()
+    suffixes: tuple[str, ...] = ()
+    marks: tuple[str, ...] = ()
+    limit_mb: int = 256
+    whole: bool = False
+
+    def reader(self) -> Any:
+        return _named(self.reads)
+
+    def writer(self) -> Any:
+        return _named(self.writes)
+
+
+def _named(text: str) -> Any:
+    module, _, name = text.partition(":")
+    return getattr(import_module(module if "." in module.lstrip(".") else f".{module}", __name__), name)
+
+
+# A file is read whole and takes several times its size meanwhile: the limits keep that near half a gigabyte.
+FORMATS: tuple[Format, ...] = (
+    Format("mcap", "mcap_file:open_mcap", "mcap_file:write_one", (b"\x89MCAP0\r\n",), (".mcap",), limit_mb=8192),
+    Format("bag", "rosbag2:open_folder", marks=("metadata.yaml",)),
+    Format("sqlite bag", "rosbag2:open_file", "", (b"SQLite format 3\0",), (".db3",), limit_mb=8192),
+    Format("numpy", "tables:open_numpy", "", (b"\x93NUMPY",), (".npz", ".npy"), whole=True),
+    Format("hdf5", "hdf5_file:open_hdf5", "hdf5_file:write_hdf5", (b"\x89HDF\r\n\x1a\n",), (".hdf5", ".h5")),
+    Format("matlab", "tables:open_mat", "", (b"MATLAB ",), (".mat",), whole=True),
+    Format("lerobot", "lerobot:open_folder", "lerobot:write_dataset", suffixes=(".lerobot",),
+           marks=("meta/info.json", "data/**/*.parquet")),
+    Format("parquet", "parquet_file:open_parquet", "parquet_file:write_parquet", (b"PAR1",), (".parquet", ".pq")),
+    Format("csv folder", "topic_folder:open_folder", marks=("*.csv", "*.CSV", "*.tsv", "*.csv.gz")),
+    Format("files", "tables:open_each", marks=("*.mcap", "*.db3", "*.parquet", "*.npz", "*.npy", "*.mat", "*.hdf5", "*.h5")),
+    Format("csv", "tables:open_text", "tables:write_text", (), (".csv", ""), limit_mb=48, whole=True),
+)  # fmt: skip
+_REFUSED = {
+    b"#ROSBAG V": "a bag of ROS 1; convert it: pip install rosbags, then rosbags-convert --src X.bag --dst X",
+    b"PK\x03\x04": "",
+}
+_HEAD = 512
+_APPLE_DOUBLE = b"\x00\x05\x16\x07"
 
 
 def read(path: str | Path, columns: Columns | None = None, *, recover: bool = False) -> tuple[Recording, ...]:
-    """Every recording in a file (.mcap, .csv and other text tables, .npy, .npz, .mat) or directory of CSV files.
+    """Every recording in a file or folder of any of `FORMATS`: .mcap, .db3 and folders of bags, .csv and other text tables
+    (packed, too), .npy, .npz, .mat, .hdf5, .parquet, LeRobot folders, folders of one CSV a topic.
 
     `columns` maps the columns of foreign files; on our own files it selects, renames and states what is missing.
-    `recover` skips damaged parts of an .mcap file instead of refusing it; a file cut short is always read to the cut.
+    `recover` skips damaged parts of a file instead of refusing it; a file cut short is always read to the cut.
     What was assumed or changed is in each recording's metadata["notes"].
 
     Raises RecordingError for a file that cannot be read, ChannelError for a column that is not there.
     """
-    path, columns = Path(path), columns or Columns()
+    path, columns = _path(path), _columns(columns)
     try:
-        if path.is_dir():
-            return _read_directory(path, columns)
-        return _read_bytes(path, _bytes(path), columns, recover)
+        return _of_folder(path, columns, recover) if path.is_dir() else _of_file(path, columns, recover)
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror or error}") from None
-    except ComanipError as error:
-        if "\n" not in str(error):
-            raise
-        raise type(error)(" ".join(str(error).splitlines())) from None  # a file name may hold a line break
+    except MemoryError:
+        raise RecordingError(f"{path}: it takes more memory than there is: cut it into takes") from None
 
 
-def _bytes(path: Path) -> bytes:
-    """The whole file, unless it is beyond what may be read whole."""
+def _path(path: str | Path) -> Path:
+    if not isinstance(path, str | os.PathLike):
+        raise ParameterError(f"the path is {given(path)}; allowed: a path, as text or pathlib.Path; one file at a time")
+    return Path(path)
+
+
+def _columns(columns: Columns | None) -> Columns:
+    if columns is not None and not isinstance(columns, Columns):
+        raise ParameterError(f"columns is {given(columns)}; allowed: Columns(position='z', force='Fz', ...)")
+    return columns or Columns()
+
+
+def _of_folder(path: Path, columns: Columns, recover: bool) -> tuple[Recording, ...]:
+    for form in FORMATS:
+        if any(next(path.glob(mark), None) for mark in form.marks):
+            return tuple(form.reader()(path, None, columns, recover))
+    known = ", ".join(mark for form in FORMATS for mark in form.marks if not mark.startswith("*"))
+    raise RecordingError(
+        f"{path}: a directory without .csv files or anything else that is read; a folder holds {known}, or files"
+    )
+
+
+def _of_file(path: Path, columns: Columns, recover: bool) -> tuple[Recording, ...]:
     with path.open("rb") as stream:
-        head = stream.read(19)
-        kind = "mcap" if head[:8] == _MCAP else "arrays" if head.startswith(_ARRAYS) else "text"
-        size, limit = path.stat().st_size, MAX_BYTES[kind]
-        if size > limit:
-            raise RecordingError(f"{path}: {size >> 20} MB; the limit for {kind} is {limit >> 20} MB: cut it into takes")
-        return head + stream.read()
-
-
-def _read_bytes(path: Path, data: bytes, columns: Columns, recover: bool) -> tuple[Recording, ...]:
-    from .array_file import read_mat, read_numpy
-    from .assemble import assemble, remapped
-
-    if not data:
+        head, data = stream.read(_HEAD), None
+    if not head:
         raise RecordingError(f"{path}: no frames: the file is empty")
-    if data.startswith(_MCAP[: min(len(data), 8)]) and data[:1] == _MCAP[:1]:
-        from .mcap_file import read_mcap
-
-        return (remapped(path, read_mcap(path, data, recover=recover), columns),)
-    if data.startswith(b"\x93NUMPY") or (data.startswith(b"PK\x03\x04") and path.suffix.lower() == ".npz"):
-        return assemble(read_numpy(path), columns)
-    if data.startswith(b"MATLAB 5.0") or (path.suffix.lower() == ".mat" and not data.startswith(b"\x89HDF")):
-        return assemble(read_mat(path), columns)
-    if data.startswith(b"\x89HDF"):
-        raise RecordingError(f"{path}: HDF5 (MATLAB 7.3?) is not read; save it with -v7, or as CSV")
-    from .csv_file import SIGNATURE, CsvTable, read_own_csv
-
-    text = _text(path, data)
-    if text.startswith(SIGNATURE):
-        return (remapped(path, read_own_csv(path, text), columns),)
-    return assemble(CsvTable(path, text), columns)
+    if head.startswith(_APPLE_DOUBLE):
+        raise RecordingError(f"{path}: macOS's note beside a file (AppleDouble), no recording; leave it out")
+    if packing(head):
+        data = _unpacked(path)
+        head = data[:_HEAD]
+    form = format_of(path, head)
+    size = path.stat().st_size if data is None else len(data)
+    if size > form.limit_mb << 20:
+        raise RecordingError(f"{path}: {size >> 20} MB; the limit for {form.name} is {form.limit_mb} MB: cut it into takes")
+    if data is not None and not form.whole:
+        raise RecordingError(f"{path}: a packed {form.name} file; unpack it first (packed text tables are read)")
+    if form.whole and data is None:
+        data = path.read_bytes()
+    return tuple(form.reader()(path, data, columns, recover))
 
 
-def _text(path: Path, data: bytes) -> str:
-    """The file as text; RecordingError when it is something else."""
-    encoding = "utf-16" if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig"
-    try:
-        text = data.decode(encoding)
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
-    strange = sum(c < " " and c not in "\t\r\n\f" for c in text[:4096])
-    if strange or text.lstrip()[:5].startswith(_FOREIGN_TEXT) or not any(c.isdigit() for c in text):
-        raise RecordingError(f"{path}: not a recording: starts with {data[:4].hex()}")
-    return text
+def _unpacked(path: Path) -> bytes:
+    limit = next(form.limit_mb for form in FORMATS if "" in form.suffixes) << 20
+    if path.stat().st_size > limit:
+        raise RecordingError(f"{path}: {path.stat().st_size >> 20} MB packed; the limit is {limit >> 20} MB: cut it into takes")
+    return unpacked(path, path.read_bytes(), limit)
 
 
-def _read_directory(path: Path, columns: Columns) -> tuple[Recording, ...]:
-    from .assemble import assemble
-    from .csv_file import CsvDirectory, CsvTable
+def format_of(path: Path, head: bytes) -> Format:
+    """By the first bytes (a file cut within them counts), then by the extension, else text."""
+    suffix = inner_suffix(path)
+    if suffix == ".mat" and not _is_text(head):  # by any first bytes: version 7.3 is HDF5
+        return next(form for form in FORMATS if suffix in form.suffixes)
+    for form in FORMATS:
+        if any(head.startswith(magic[: len(head)]) and head[0] == magic[0] for magic in form.magic):
+            return form
+    if head.startswith(b"PK\x03\x04") and suffix == ".npz":
+        return next(form for form in FORMATS if suffix in form.suffixes)
+    for magic, remedy in _REFUSED.items():
+        if head.startswith(magic):
+            raise RecordingError(f"{path}: " + (remedy or f"not a recording: starts with {head[:4].hex()}"))
+    if suffix == ".db3" and not _is_text(head):
+        return next(form for form in FORMATS if suffix in form.suffixes)
+    return next(form for form in FORMATS if "" in form.suffixes)
 
-    files = sorted(p for p in path.iterdir() if p.suffix.lower() in (".csv", ".tsv"))
-    if not files:
-        raise RecordingError(f"{path}: a directory without .csv files; name a file, or a directory of CSV files")
-    return assemble(CsvDirectory(path, {f.stem: CsvTable(f, _text(f, _bytes(f))) for f in files}), columns)
+
+def inner_suffix(path: Path) -> str:
+    """The extension, below that of a packer: ".npy" of lift.npy.gz."""
+    suffix = path.suffix.lower()
+    return path.with_suffix("").suffix.lower() if suffix in (".gz", ".bz2", ".xz", ".zst") else suffix
+
+
+def _is_text(head: bytes) -> bool:
+    """Whether a .mat or .db3 holds a table (save -ascii) rather than its own layout."""
+    return not head.translate(None, b"0123456789+-.eEdDnNaAiIfF,; \t\r\n")
+
+
+def writable() -> dict[str, Format]:
+    """Extension -> format, of all that are written."""
+    return {suffix: form for form in FORMATS if form.writes for suffix in form.suffixes if suffix}
 
 
 def write(recording: Recording, path: str | Path) -> None:
-    """Stores a recording as .mcap (exact to 1 ns in time) or .csv (exact)."""
-    path = Path(path)
+    """Stores a recording by the extension of `path`: .mcap (exact to 1 ns in time), .csv, .parquet, .hdf5, .lerobot (exact)."""
+    write_all([recording], path)
+
+
+def write_all(recordings: Sequence[Recording], path: str | Path) -> None:
+    """Stores recordings in one file or folder. Raises ParameterError for an extension that is not written, RecordingError for
+    recordings that the format cannot hold as they are."""
+    path = _path(path)
+    wrong = next((r for r in recordings if not isinstance(r, Recording)), None)
+    if wrong is not None:
+        raise ParameterError(f"got {given(wrong)} to write; allowed: a Recording")
     suffix = path.suffix.lower()
-    if suffix not in (".mcap", ".csv"):
-        raise ParameterError(f"{path}: no format for {suffix or 'a name without extension'!r}; allowed: .mcap, .csv")
+    form = writable().get(suffix)
+    if form is None:
+        shown = repr(suffix) if suffix else "'a name without extension'"
+        raise ParameterError(f"{path}: no format for {shown}; allowed: {', '.join(writable())}")
     try:
-        if suffix == ".csv":
-            from .csv_file import write_csv
-
-            write_csv(recording, path)
-        else:
-            from .mcap_file import write_mcap
-
-            write_mcap(recording, path)
+        form.writer()(list(recordings), path)
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror or error}") from None
+
+
+def only(recordings: Sequence[Recording], path: Path) -> Recording:
+    """The one recording that a file of one can hold."""
+    if len(recordings) != 1:
+        raise ParameterError(f"{path}: {len(recordings)} recordings, and a {path.suffix} file holds one; write them one by one")
+    return recordings[0]
+
+
+def recover(path: str | Path, out: str | Path | None = None) -> tuple[Path, Recording]:
+    """What a damaged or cut recording still holds, as a whole file; see `recovery.recover`."""
+    from .recovery import recover as recovered
+
+    return recovered(path, out)

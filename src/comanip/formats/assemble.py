@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,19 +12,25 @@ import numpy as np
 
 from ..errors import ChannelError, RecordingError
 from ..interfaces import Array
-from ..recording import Channel, Recording
+from ..recording import Channel, Recording, axis_units
 from .columns import (
     KINDS,
     NAME,
     Columns,
     axes_of,
+    is_angle,
+    joined,
     note,
     recognise,
     recognise_time,
     sign_and_name,
     to_si,
+    units_of_axes,
     unknown,
 )
+
+_EPOCH = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+_SINCE_S, _UNTIL_S = 9.4e8, 4.2e9  # stamps between 1999 and 2103 count from 1970, in the only unit in which they do
 
 
 class Source(Protocol):
@@ -48,14 +55,15 @@ def assemble(source: Source, columns: Columns) -> tuple[Recording, ...]:
     """Every recording in `source`, its mapped or recognised columns as hand.position, hand.velocity, hand.force ..."""
     notes: list[str] = list(source.notes)
     columns = _completed(source, columns, notes)
-    wanted = {NAME[kind]: exprs for kind, exprs in columns.mapped.items()} | dict(columns.extra)
+    wanted = _wanted(source.path, columns)
     found = {name: [source.find(e) for e in exprs] for name, exprs in wanted.items()}
     stamps = source.find(columns.time) if columns.time else []
+    notes += [n for n in source.notes if n not in notes]  # what was noticed in reading these columns
     counts = {len(arrays) for several in found.values() for arrays in several} | ({len(stamps)} if stamps else set())
     total = max(counts)
     if counts - {1, total}:
         raise ChannelError(f"{source.path}: the columns hold {sorted(counts)} recordings; allowed: one number for all")
-    name = source.path.stem or source.path.name
+    name = title_of(source.path)
     return tuple(
         _recording(
             source,
@@ -69,10 +77,25 @@ def assemble(source: Source, columns: Columns) -> tuple[Recording, ...]:
     )
 
 
+def _wanted(path: Path, columns: Columns) -> dict[str, tuple[str, ...]]:
+    """Channel -> expressions; an extra channel may not take the place of a signal."""
+    signals = {NAME[kind]: exprs for kind, exprs in columns.mapped.items()}
+    for name in columns.extra:
+        if name in NAME or name in NAME.values():
+            raise ChannelError(f"{path}: an extra channel is called {name!r}, as one of the signals; give it another name")
+    return signals | dict(columns.extra)
+
+
+def title_of(path: Path) -> str:
+    """The name of a recording: the file's, without its extensions (lift.csv.gz is "lift")."""
+    name = path.with_suffix("").name if path.suffix.lower() in (".gz", ".bz2", ".xz", ".zst") else path.name
+    return Path(name).stem or path.name
+
+
 def _completed(source: Source, columns: Columns, notes: list[str]) -> Columns:
     """`columns` with the time column, and, when nothing is mapped, the signals that are obvious."""
     if columns.time is None:
-        time = recognise_time(source.names)
+        time = recognise_time(source.names) or getattr(source, "stamps", None)
         columns = replace(columns, time=time)
         if time:
             notes.append(f"column {time!r} taken as time")
@@ -93,6 +116,9 @@ def _completed(source: Source, columns: Columns, notes: list[str]) -> Columns:
             f"{source.path}: no column is obviously a position, velocity or force; there are: "
             f"{', '.join(source.names[:40]) or 'none'}; say which, for example position=z velocity=vz force=Fz"
         )
+    used = {columns.time} | {c for by_axis in obvious.values() for a, c in by_axis.items() if a in axes}
+    if left := [n for n in source.names if n not in used][:20]:
+        notes.append(f"columns {', '.join(left)} are not used: name them to use them")
     for kind, by_axis in obvious.items():
         chosen = tuple(by_axis[a] for a in axes if a in by_axis)
         if chosen:
@@ -157,15 +183,34 @@ def _recording(
 def _time(source: Source, columns: Columns, stamps: Array | None, notes: list[str]) -> Array | None:
     if stamps is None:
         return None
-    array = np.asarray(stamps, dtype=np.float64).squeeze()
-    if array.ndim != 1:
+    array = np.asarray(stamps, dtype=np.float64)
+    if array.size != max(array.shape, default=1):
         raise ChannelError(f"{source.path}: time {columns.time!r} has shape {stamps.shape}; allowed: one column")
-    unit = columns.time_unit or source.unit(columns.time or "") or "s"
+    array, said = array.reshape(-1), source.unit(columns.time or "")
+    _overruled(notes, "time", said, columns.time_unit)
+    unit = columns.time_unit or said or _since_1970(array, notes) or "s"
     factor = to_si(unit, "time")[1]
     if factor != 1.0:
         notes.append(f"time converted from {unit} to s")
     # Division keeps 20 ms at exactly 0.02 s, where a product with 0.001 would not.
-    return array / round(1.0 / factor) if factor < 1.0 else array
+    return array / round(1.0 / factor) if factor < 1.0 else array * factor if factor > 1.0 else array
+
+
+def _since_1970(stamps: Array, notes: list[str]) -> str:
+    """The unit of stamps that count from 1970: only one makes them a date of our time. "" when they do not count from there."""
+    known = stamps[np.isfinite(stamps)]
+    for unit, factor in _EPOCH.items():
+        if len(known) and _SINCE_S * factor < known.min() and known.max() < _UNTIL_S * factor:
+            if unit != "s":
+                notes.append(f"stamps of {known[0]:.6g} are taken to be {unit} since 1970: no unit is stated")
+            return unit
+    return ""
+
+
+def _overruled(notes: list[str], what: str, said: str, stated: str | None) -> None:
+    """Notes where the caller's unit goes before another that the file states."""
+    if stated and said and stated != said:
+        notes.append(f"{what}: the file says {said}, {stated} is used, as stated")
 
 
 def _stacked(where: str, arrays: list[Array], frames: int | None, notes: list[str]) -> Array:
@@ -193,46 +238,74 @@ def _stacked(where: str, arrays: list[Array], frames: int | None, notes: list[st
 def _channel(source: Source, kind: str, time: Array, values: Array, columns: Columns, channel: str, notes: list[str]) -> Channel:
     where = f"{source.path}: {channel}"
     expressions = getattr(columns, kind) if kind else columns.extra[channel]
-    base = "force" if kind == "sensor_force" else kind
     if len(time) != len(values):
         raise ChannelError(f"{where}: got {values.shape}, want ({len(time)}, d): as many frames as the other columns")
-    axes = columns.axes or axes_of([*columns.position, *columns.velocity, *columns.force][: values.shape[1]], values.shape[1])
-    if len(axes) != values.shape[1] and kind:
-        raise ChannelError(f"{where}: {values.shape[1]} columns for the axes {', '.join(axes)}; map one column an axis")
+    n_axes = values.shape[1]
+    named = next((e for e in (columns.position, columns.velocity, columns.force, columns.sensor_force) if e), ())
+    axes, assumed = (columns.axes, False) if columns.axes else axes_of(named, n_axes)
+    if assumed and kind and (text := f"axes taken to be {', '.join(axes)}, z up: nothing names them") not in notes:
+        notes.append(text)
+    if len(axes) != n_axes and kind:
+        raise ChannelError(f"{where}: {n_axes} columns for the axes {', '.join(axes)}; map one column an axis")
     if not kind:
-        axes = axes if len(axes) == values.shape[1] else ()
-        return Channel(time, values, _said_unit(source, expressions), "task", axes)
-    said = columns.unit(kind) or _said_unit(source, expressions)
-    unit, factor = to_si(said, base) if said else (_default_unit(base, columns), 1.0)
-    if factor != 1.0:
-        notes.append(f"{channel} converted from {said} to {unit}")
-    elif not said:
-        notes.append(f"{channel} is taken to be in {unit}: the file states no unit")
-    return Channel(time, values * factor if factor != 1.0 else values, unit, "task", axes)
+        axes = axes if len(axes) == n_axes else ()
+        return Channel(time, values, joined(_said_units(source, expressions, n_axes)), "task", axes)
+    return _in_si(source, kind, Channel(time, values, "", "task", axes), expressions, columns, channel, notes)
 
 
-def _default_unit(kind: str, columns: Columns) -> str:
-    """SI; a velocity follows its position (an angle gives rad/s)."""
-    if kind == "velocity" and columns.position_unit and to_si(columns.position_unit, "position")[0] == "rad":
-        return "rad/s"
-    return KINDS[kind][0]
+def _in_si(
+    source: Source, kind: str, raw: Channel, expressions: tuple[str, ...], columns: Columns, name: str, notes: list[str]
+) -> Channel:
+    """The channel in SI, axis by axis: the caller's unit goes before the file's, and that before what a name tells."""
+    base, n_axes = "force" if kind == "sensor_force" else kind, len(raw.axes)
+    said = _said_units(source, expressions, n_axes)
+    stated = columns.unit(kind)
+    _overruled(notes, name, joined(said), stated)
+    if stated:
+        units = units_of_axes(stated, base, n_axes)
+    else:
+        default = _default_units(source, base, raw.axes, columns)
+        units = tuple(to_si(s, base) if s else d for s, d in zip(said, default, strict=True))
+    unit, factors = joined(u for u, _ in units), np.array([f for _, f in units])
+    if (factors != 1.0).any():
+        notes.append(f"{name} converted from {stated or joined(s or u for s, (u, _) in zip(said, units, strict=True))} to {unit}")
+    elif not (stated or all(said)):
+        notes.append(f"{name} is taken to be in {unit}: the file states no unit")
+    return replace(raw, values=raw.values * factors if (factors != 1.0).any() else raw.values, unit=unit)
 
 
-def _said_unit(source: Source, expressions: tuple[str, ...]) -> str:
-    """The unit that the file states for all of these columns, "" when it states none."""
-    units = {source.unit(e) for e in expressions}
-    if len(units) > 1:
+def _default_units(source: Source, kind: str, axes: Sequence[str], columns: Columns) -> tuple[tuple[str, float], ...]:
+    """SI for each axis, when nobody states a unit: rad where the position is an angle by its unit or its name."""
+    linear, angular = KINDS[kind]
+    named = columns.position or columns.velocity or columns.force or columns.sensor_force
+    units = _said_units(source, columns.position, len(axes)) if columns.position else ("",) * len(axes)
+    if columns.position_unit:
+        units = tuple(u for u, _ in units_of_axes(columns.position_unit, "position", len(axes)))
+    turns = [
+        to_si(unit, "position")[0] == "rad" if unit else is_angle(axis) or (len(named) == len(axes) and is_angle(named[i]))
+        for i, (axis, unit) in enumerate(zip(axes, units, strict=True))
+    ]
+    return tuple((angular if turn else linear, 1.0) for turn in turns)
+
+
+def _said_units(source: Source, expressions: tuple[str, ...], n_axes: int) -> tuple[str, ...]:
+    """The units that the file states, one an axis, "" where it states none; a column of several axes has one for all."""
+    units = [source.unit(e) for e in expressions]
+    if len(units) == n_axes:
+        return tuple(units)
+    if len(set(units)) > 1:
         raise ChannelError(
-            f"{source.path}: {', '.join(expressions)} are in different units ({', '.join(sorted(units))}); "
-            "bring them to one unit first"
+            f"{source.path}: {', '.join(expressions)} are in different units ({', '.join(sorted(set(units)))}); "
+            "map one column an axis"
         )
-    return units.pop() if units else ""
+    return (units[0] if units else "",) * n_axes
 
 
 def remapped(path: Path, recording: Recording, columns: Columns) -> Recording:
-    """One of our own recordings under a mapping: channels renamed, units, role and rate stated."""
-    metadata = {"name": path.stem or path.name, **recording.metadata, "source": str(path)}
+    """One of our own recordings under a mapping: channels renamed, units, role and rate stated, stamps ignored."""
+    metadata = {"name": title_of(path), **recording.metadata, "source": str(path)}
     notes: list[str] = []
+    recording = _restamped(path, recording, columns, notes)
     if columns.role is not None:
         written = metadata.get("role")
         if written and written != columns.role:
@@ -241,10 +314,10 @@ def remapped(path: Path, recording: Recording, columns: Columns) -> Recording:
     if columns.rate_hz is not None:
         metadata["rate_hz"] = float(columns.rate_hz)
     channels = dict(recording.channels)
-    wanted = {NAME[kind]: exprs for kind, exprs in columns.mapped.items()} | dict(columns.extra)
-    for name, expressions in wanted.items():
+    for name, expressions in _wanted(path, columns).items():
         channels[name] = _picked(path, recording, expressions, columns.axes)
-        notes.append(f"{', '.join(expressions)} taken as {name}")
+        instead = f", instead of the file's own {name}" if name in recording and expressions != (name,) else ""
+        notes.append(f"{', '.join(expressions)} taken as {name}{instead}")
     for kind, name in NAME.items():
         if name in channels:
             channels[name] = _stated(name, kind, channels[name], columns, kind in columns.mapped, notes)
@@ -255,12 +328,38 @@ def remapped(path: Path, recording: Recording, columns: Columns) -> Recording:
     return Recording(channels, metadata)
 
 
+def _restamped(path: Path, recording: Recording, columns: Columns, notes: list[str]) -> Recording:
+    """The recording with frame i at i / rate_hz, where its stamps are to be ignored; our recordings bring their own stamps."""
+    if columns.time in (None, "time") and columns.time_unit in (None, "s"):
+        return recording
+    if columns.time != "none":
+        wrong = f"time={columns.time!r}" if columns.time not in (None, "time") else f"time_unit={columns.time_unit!r}"
+        raise ChannelError(
+            f'{path}: {wrong}: every channel has its own stamps [s]; leave it out, or ignore them with time="none"'
+        )
+    if columns.rate_hz is None:
+        raise RecordingError(f'{path}: time="none" ignores the stamps; state the rate (rate_hz=...)')
+    lengths = {name: len(channel.time) for name, channel in recording.channels.items()}
+    if len(set(lengths.values())) > 1:
+        listed = ", ".join(f"{name} {n}" for name, n in lengths.items())
+        raise RecordingError(f"{path}: the channels have different numbers of frames ({listed}): without stamps they fit nowhere")
+    notes.append(f"the file's stamps are ignored, as asked: frame i is taken to be at i / {columns.rate_hz:g} s")
+    channels = {n: replace(c, time=np.arange(len(c.time)) / columns.rate_hz) for n, c in recording.channels.items()}
+    return Recording(channels, recording.metadata)
+
+
 def _picked(path: Path, recording: Recording, expressions: tuple[str, ...], axes: tuple[str, ...]) -> Channel:
     """Columns of channels ("hand.position" or "hand.position.z") side by side; they must share their stamps."""
-    scalars = {f"{n}.{a}": (n, i) for n, c in recording.channels.items() for i, a in enumerate(c.axes)}
+    every = [(f"{n}.{a}", (n, i)) for n, c in recording.channels.items() for i, a in enumerate(c.axes)]
+    scalars = dict(every)
+    twice = {name for name, k in Counter(name for name, _ in every).items() if k > 1}
     picked: list[tuple[float, Channel, int]] = []
     for expression in expressions:
         sign, name = sign_and_name(expression, [*recording.channels, *scalars])
+        if name in twice:
+            raise ChannelError(
+                f"{path}: two columns are called {name!r}: of the channels {', '.join(recording.channels)}; rename one"
+            )
         if name in recording.channels:
             picked += [(sign, recording.channels[name], i) for i in range(len(recording.channels[name].axes))]
         elif name in scalars:
@@ -268,21 +367,31 @@ def _picked(path: Path, recording: Recording, expressions: tuple[str, ...], axes
         else:
             raise unknown(str(path), name, [*recording.channels, *scalars])
     first = picked[0][1]
+    if len({c.frame for _, c, _ in picked}) > 1:
+        raise ChannelError(f"{path}: {', '.join(expressions)} are in different frames; map channels of one frame together")
     if any(not np.array_equal(c.time, first.time) for _, c, _ in picked):
         raise ChannelError(f"{path}: {', '.join(expressions)} have different stamps; map channels of one clock together")
     values = np.stack([sign * c.values[:, i] for sign, c, i in picked], axis=1)
-    return Channel(first.time, values, first.unit, first.frame, axes or tuple(c.axes[i] for _, c, i in picked))
+    unit = joined(axis_units(c.unit, len(c.axes))[i] for _, c, i in picked)
+    return Channel(first.time, values, unit, first.frame, axes or tuple(c.axes[i] for _, c, i in picked))
 
 
 def _stated(name: str, kind: str, channel: Channel, columns: Columns, mapped: bool, notes: list[str]) -> Channel:
     """The channel with the unit that the caller states; a mapping without any unit states SI, and says so."""
-    said, base = columns.unit(kind), "force" if kind == "sensor_force" else kind
+    said, base, n_axes = columns.unit(kind), "force" if kind == "sensor_force" else kind, len(channel.axes)
     if said and channel.unit:
-        if to_si(said, base) != (channel.unit, 1.0):
+        units = units_of_axes(said, base, n_axes)
+        if joined(u for u, _ in units) != channel.unit or any(f != 1.0 for _, f in units):
             raise ChannelError(f"{name} is stored in {channel.unit}; you said {said}: leave the unit out")
         return channel
     if not said and (channel.unit or not mapped):
         return channel
-    unit, factor = to_si(said, base) if said else (_default_unit(base, columns), 1.0)
-    notes.append(f"{name} is taken to be in {said or unit}" + (f", converted to {unit}" if factor != 1.0 else ""))
-    return replace(channel, values=channel.values * factor, unit=unit)
+    linear, angular = KINDS[base]
+    default = tuple((angular if is_angle(axis) else linear, 1.0) for axis in channel.axes)
+    if not said and columns.position_unit:
+        turns = [u == "rad" for u, _ in units_of_axes(columns.position_unit, "position", n_axes)]
+        default = tuple((angular if turn else linear, 1.0) for turn in turns)
+    units = units_of_axes(said, base, n_axes) if said else default
+    unit, factors = joined(u for u, _ in units), np.array([f for _, f in units])
+    notes.append(f"{name} is taken to be in {said or unit}" + (f", converted to {unit}" if (factors != 1.0).any() else ""))
+    return replace(channel, values=channel.values * factors, unit=unit)

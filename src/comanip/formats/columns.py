@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from ..errors import ChannelError, ParameterError
+from ..errors import ChannelError, ParameterError, given
 from ..interfaces import STANDARD_GRAVITY
+from ..recording import check_role
 
 # unit -> (SI symbol, factor)
 UNITS: dict[str, tuple[str, float]] = {
@@ -22,6 +23,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "gf": ("N", 1e-3 * STANDARD_GRAVITY), "kgf": ("N", STANDARD_GRAVITY), "lbf": ("N", 4.4482216152605),
     "N m": ("N m", 1.0), "mN m": ("N m", 1e-3),
     "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "ns": ("s", 1e-9),
+    "min": ("s", 60.0), "h": ("s", 3600.0), "d": ("s", 86400.0),
 }  # fmt: skip
 ALIASES = {
     "nm": "N m", "n·m": "N m", "n*m": "N m", "n m": "N m", "mnm": "mN m", "newton": "N", "newtons": "N", "n": "N",
@@ -51,6 +53,20 @@ def to_si(unit: str, kind: str) -> tuple[str, float]:
     return found
 
 
+def units_of_axes(unit: str, kind: str, n_axes: int) -> tuple[tuple[str, float], ...]:
+    """(SI symbol, factor) of each axis, from one unit for all, "mm", or one an axis, "m, m, deg"; ParameterError."""
+    parts = [part.strip() for part in unit.split(",")]
+    if len(parts) not in (1, n_axes):
+        raise ParameterError(f"{kind} unit {unit!r} states {len(parts)} units for {n_axes} axes; allowed: one, or one an axis")
+    return tuple(to_si(part, kind) for part in (parts if len(parts) > 1 else parts * n_axes))
+
+
+def joined(units: Iterable[str]) -> str:
+    """The units of several axes as one text: "m" when they are alike, else "m, m, rad"."""
+    units = tuple(units)
+    return units[0] if len(set(units)) == 1 else ", ".join(units)
+
+
 def split_columns(text: str | Iterable[str]) -> tuple[str, ...]:
     """Column expressions from "z", "x,y,z" or several of them; commas inside [...] do not split."""
     items = (text,) if isinstance(text, str | int) else tuple(text)
@@ -68,7 +84,10 @@ class Columns:
     role                        "leader", "follower" ...: what the hand's teacher did
     extra                       further channels: name -> columns
     axes                        names of the axes; default: the last letters of the columns when they are x, y, z
-    ..._unit                    the file's unit when it is not SI (mm, deg, gf ...): converted, and said
+    frames                      how another frame lies in the position's: frame_id -> "same", "hand" (it turns as the recorded
+                                orientation does) or a quaternion "w,x,y,z"; see `frames`
+    ..._unit                    the file's unit when it is not SI (mm, deg, gf ...): converted, and said; one for all axes, or
+                                one an axis ("m, m, deg")
 
     An expression is a CSV header, a 0-based column index, or, in .mat and .npz, a path with indices such as
     `scope.signals[1].values[:,0]`; a leading "-" flips the sign. Naming any of position, velocity, force or
@@ -88,17 +107,21 @@ class Columns:
     velocity_unit: str | None = None
     force_unit: str | None = None
     time_unit: str | None = None
+    frames: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("position", "velocity", "force", "sensor_force", "axes"):
             object.__setattr__(self, name, split_columns(getattr(self, name)))
         extra = {str(name): split_columns(columns) for name, columns in dict(self.extra).items()}
         object.__setattr__(self, "extra", MappingProxyType(extra))
-        if self.rate_hz is not None and not 0.0 < float(self.rate_hz) < 1e6:
-            raise ParameterError(f"rate_hz is {self.rate_hz}; allowed: 0 < rate_hz < 1e6 Hz")
+        object.__setattr__(self, "frames", MappingProxyType({str(k): str(v) for k, v in dict(self.frames).items()}))
+        if self.rate_hz is not None and not (isinstance(self.rate_hz, int | float) and 0.0 < self.rate_hz < 1e6):
+            raise ParameterError(f"rate_hz is {given(self.rate_hz)}; allowed: 0 < rate_hz < 1e6 Hz")
         for kind in KINDS:
             if (unit := getattr(self, f"{kind}_unit")) is not None:
-                to_si(unit, kind)
+                for part in str(unit).split(","):
+                    to_si(part.strip(), kind)
+        check_role(self.role)
         if len(set(self.axes)) != len(self.axes):
             raise ParameterError(f"axes {self.axes} repeat a name")
 
@@ -108,6 +131,7 @@ class Columns:
         return {kind: getattr(self, kind) for kind in NAME if getattr(self, kind)}
 
     def unit(self, kind: str) -> str | None:
+        """The unit that was stated for a kind of signal ("position", "force", ...); None where none was."""
         return getattr(self, f"{'force' if kind == 'sensor_force' else kind}_unit", None)
 
 
@@ -176,12 +200,34 @@ def recognise(names: Iterable[str]) -> dict[str, dict[str, str]]:
     return found
 
 
-def axes_of(columns: Iterable[str], n_axes: int) -> tuple[str, ...]:
-    """Axis names for columns: their last letters when those are distinct among x, y, z; else z, or x, y, or x, y, z."""
-    letters = tuple(unit_in(c.strip("'\" "))[0].lower()[-1:] for c in columns)
-    if len(letters) == n_axes and len(set(letters)) == n_axes and set(letters) <= set("xyz"):
-        return letters
-    return {1: ("z",), 2: ("x", "y"), 3: ("x", "y", "z")}.get(n_axes, tuple(str(i) for i in range(n_axes)))
+_ANGLE = re.compile(
+    r"(?:^|[^a-z])(?:yaw|pitch|roll|rpy|theta|phi|psi|angles?|angular|rot(?:ation)?|heading|hinge|joints?|q|eul(?:er)?|r[xyz]|w[xyz])"
+    r"(?:$|[^a-z])"
+)
+
+
+def is_angle(column: str) -> bool:
+    """Whether a column is by its name about turning: yaw, rz, theta_z, joint_3, wz."""
+    return _ANGLE.search(unit_in(column.strip("'\" -"))[0].lower()) is not None
+
+
+def axes_of(columns: Iterable[str], n_axes: int) -> tuple[tuple[str, ...], bool]:
+    """(names of the axes, whether they were only assumed).
+
+    The last letters of the columns when those are distinct among x, y, z; their own names where one of them turns (yaw);
+    else, assumed, z, or x, y, or x, y, z.
+    """
+    names = [unit_in(c.strip("'\" -"))[0].lower() for c in columns]
+    letters = ["" if is_angle(name) else name[-1:] for name in names]
+    if len(names) == n_axes and len(set(letters)) == n_axes and set(letters) <= set("xyz"):
+        return tuple(letters), False
+    if len(names) == n_axes and any(is_angle(name) for name in names):
+        own = [
+            letter if letter in tuple("xyz") else re.split(r"[./ ]", name)[-1]
+            for letter, name in zip(letters, names, strict=True)
+        ]
+        return (tuple(own) if len(set(own)) == n_axes else tuple(str(i) for i in range(n_axes))), False
+    return {1: ("z",), 2: ("x", "y"), 3: ("x", "y", "z")}.get(n_axes, tuple(str(i) for i in range(n_axes))), True
 
 
 def note(metadata: Mapping[str, Any], *more: str) -> list[str]:

@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,25 @@ import numpy as np
 
 from ..errors import ComanipWarning, RecordingError
 from ..recording import Channel, Recording
-from . import cdr
-from .mcap_walk import OURS, Walk, fault, walk_through
+from . import cdr, messages, only
+from .columns import Columns
+from .files import mapped_bytes
+from .mapping import mapped
+from .mcap_foreign import topics
+from .mcap_walk import OURS, TooMuch, Walk, fault, walk_through
 
 CHUNK_BYTES, LARGEST_CHUNK_BYTES, CHUNK_S = 1024, 65536, 0.01
 RECORD = OURS
 VERSION = 1
+
+
+def open_mcap(path: Path, data: Any, columns: Columns, recover: bool) -> tuple[Recording, ...]:
+    with mapped_bytes(path) as contents:
+        return (read_mcap(path, contents, columns, recover=recover),)
+
+
+def write_one(recordings: Sequence[Recording], path: Path) -> None:
+    write_mcap(only(recordings, path), path)
 
 
 def write_mcap(recording: Recording, path: Path) -> None:
@@ -32,27 +46,27 @@ def write_mcap(recording: Recording, path: Path) -> None:
 
     channels = recording.channels
     stamps, shift = _nanoseconds(path, recording)
-    messages = {n: cdr.encode(c, stamps[n]) for n, c in channels.items()}
+    encoded = {n: cdr.encode(c, stamps[n]) for n, c in channels.items()}
     part = path.with_name(f".{os.getpid()}-{hashlib.sha256(path.name.encode('utf-8', 'surrogatepass')).hexdigest()[:8]}")
     try:
         with part.open("wb") as out:
-            size = _chunk_bytes(messages, recording.duration_s)
+            size = _chunk_bytes(encoded, recording.duration_s)
             writer = Writer(out, chunk_size=size, compression=CompressionType.ZSTD, enable_data_crcs=True)
             writer.start(profile="ros2", library="comanip")
             writer.add_metadata(RECORD, summary(path, recording, shift))
             ids = register(writer, channels)
             for name, i in _in_time(stamps):
                 ns = stamps[name][i]
-                writer.add_message(ids[name], log_time=ns, publish_time=ns, sequence=i, data=messages[name][i])
+                writer.add_message(ids[name], log_time=ns, publish_time=ns, sequence=i, data=encoded[name][i])
             writer.finish()
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
 
 
-def _chunk_bytes(messages: dict[str, list[bytes]], duration_s: float) -> int:
+def _chunk_bytes(encoded: dict[str, list[bytes]], duration_s: float) -> int:
     """Size of the messages that an average `CHUNK_S` of the run holds, within the limits."""
-    total = sum(len(message) for several in messages.values() for message in several)
+    total = sum(len(message) for several in encoded.values() for message in several)
     wanted = total * CHUNK_S / duration_s if duration_s > 0.0 else 0.0
     return round(min(max(wanted, CHUNK_BYTES), LARGEST_CHUNK_BYTES))
 
@@ -112,10 +126,10 @@ def register(writer: Any, channels: Any) -> dict[str, int]:
 def add(writer: Any, ids: dict[str, int], channels: Any, counts: dict[str, int]) -> None:
     """Appends channels of one common clock, frame by frame; `counts` are the frames written so far, and are brought up."""
     stamps = {name: [round(t * 1e9) for t in channel.time.tolist()] for name, channel in channels.items()}
-    messages = {name: cdr.encode(channel, stamps[name]) for name, channel in channels.items()}
+    encoded = {name: cdr.encode(channel, stamps[name]) for name, channel in channels.items()}
     for i in range(min(map(len, stamps.values()), default=0)):
         for name, ns in stamps.items():
-            writer.add_message(ids[name], log_time=ns[i], publish_time=ns[i], sequence=counts[name], data=messages[name][i])
+            writer.add_message(ids[name], log_time=ns[i], publish_time=ns[i], sequence=counts[name], data=encoded[name][i])
             counts[name] += 1
 
 
@@ -130,26 +144,49 @@ def _in_time(stamps: dict[str, list[int]]) -> list[tuple[str, int]]:
     return [(name, i) for _, _, i, name in sorted(keys)]
 
 
-def read_mcap(path: Path, data: bytes, *, recover: bool = False) -> Recording:
-    """A recording from our own file or another program's ROS 2 MCAP.
+def read_mcap(path: Path, data: Any, columns: Columns | None = None, *, recover: bool = False) -> Recording:
+    """A recording from our own file or another program's ROS 2 MCAP, mapped by `columns`.
 
     A file cut short is read up to the cut, with a warning. Damage is a RecordingError; with `recover` the damaged
     chunks are left out, with a warning for each.
     """
-    walk = walk_through(path, data, recover)
-    if not walk.channels and not walk.metadata:
-        raise RecordingError(f"{path}: cut before the first channel: nothing to recover")
+    columns = columns or Columns()
+    turns: list[messages.Transforms] = []
+    walk = walk_wanted(path, data, columns, recover)
     if RECORD in walk.metadata or any(RECORD in c.metadata for c in walk.channels.values()):
         recording = _own(path, walk, recover)
+    elif not walk.channels and walk.faults:
+        raise RecordingError(f"{path}: {walk.faults[0]}: nothing else is in it")
+    elif not walk.channels and not walk.complete:
+        raise RecordingError(f"{path}: cut before the first channel: nothing to recover")
     else:
-        from .mcap_foreign import foreign
+        notes: list[str] = []
+        recording, turns = messages.recording(path, topics(path, walk, notes), columns.time, notes)
+    recording = said(path, recording, walk.faults)
+    return mapped(path, recording, columns, turns)
 
-        recording = foreign(path, walk)
-    for said in walk.faults:
-        warnings.warn(f"{path}: {said}", ComanipWarning, stacklevel=5)
-    if walk.faults:
-        recording = recording.with_metadata(notes=[*recording.metadata.get("notes", ()), *walk.faults])
-    return recording
+
+def said(path: Path, recording: Recording, faults: list[str]) -> Recording:
+    """Damage that was read around: warned of now, and in the notes that travel with the data."""
+    for text in faults:
+        warnings.warn(f"{path}: {text}", ComanipWarning, stacklevel=6)
+    return recording.with_metadata(notes=[*recording.metadata.get("notes", ()), *faults]) if faults else recording
+
+
+def walk_wanted(path: Path, data: Any, columns: Columns, recover: bool) -> Walk:
+    """All topics, or, where these are too much to hold, those that are mapped alone."""
+    try:
+        return walk_through(path, data, recover)
+    except TooMuch:
+        named = [e.lstrip("-") for es in (*columns.mapped.values(), *columns.extra.values()) for e in es]
+        if not named:
+            raise
+        wanted = tuple(e if e.startswith("/") else f"/{e}" for e in named)
+        return walk_through(path, data, recover, lambda topic: topic in ("/tf", "/tf_static") or _leads(topic, wanted))
+
+
+def _leads(topic: str, expressions: tuple[str, ...]) -> bool:
+    return any(e == topic or e.startswith((f"{topic}.", f"{topic}[")) for e in expressions)
 
 
 def _own(path: Path, walk: Walk, recover: bool) -> Recording:
@@ -168,9 +205,11 @@ def _own(path: Path, walk: Walk, recover: bool) -> Recording:
             continue
         try:
             name, unit, frame, axes = json.loads(mcap_channel.metadata[RECORD])
-            messages = walk.messages.get(channel_id, [])
-            values = cdr.decode(walk.schemas[mcap_channel.schema_id].name, axes, [data for _, data in messages])
-            time = np.array([(ns + shift) / 1e9 for ns, _ in messages])
+            rows = walk.messages.get(channel_id, [])
+            values = cdr.decode(walk.schemas[mcap_channel.schema_id].name, axes, [m.data for m in rows])
+            time = np.array([(m.log + shift) / 1e9 for m in rows])
+            if name in channels and len(channels[name].time):
+                raise RecordingError(f"{name} is written twice: two takes merged into one file? split them")
             channels[name] = Channel(time, values, unit, frame, tuple(axes))
         except (KeyError, ValueError, TypeError, RecordingError) as error:
             fault(path, walk, f"channel {mcap_channel.topic!r}: {error}", recover)

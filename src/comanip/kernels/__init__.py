@@ -7,31 +7,45 @@ everything runs, slower. COMANIP_KERNELS=avx512, avx2 or plain asks for one inst
 from __future__ import annotations
 
 import os
+from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..errors import ParameterError
 from .plan import WHOLE, Seating, plan
 
 ABSENT = "numpy: the compiled kernels are absent (no C compiler when comanip was installed), so all works, 10 to 50 times slower"
+NOT_LOADABLE = (
+    "numpy: the compiled kernels are there and cannot be loaded here ({}), so all works, 10 to 50 times slower; "
+    "install comanip again on this machine"
+)
+ASKED_FOR = ("avx512", "avx2", "plain", "native")
 
 
-def _load() -> tuple[Any, str]:
-    wanted = os.environ.get("COMANIP_KERNELS", "").lower()
+def _load() -> tuple[Any, str, str]:
+    """The compiled module or None, what runs, and why nothing compiled does although nobody asked for that."""
+    wanted = os.environ.get("COMANIP_KERNELS", "").strip().lower()
     if wanted == "numpy":
-        return None, "numpy, as COMANIP_KERNELS asks"
+        return None, "numpy, as COMANIP_KERNELS asks", ""
     try:
         from . import _native
-    except ImportError:
-        return None, ABSENT
+    except ImportError as error:
+        missing = ABSENT if find_spec(f"{__name__}._native") is None else NOT_LOADABLE.format(" ".join(str(error).split()))
+        if wanted:
+            what = "asks for compiled kernels" if wanted in ASKED_FOR else "is no choice"
+            raise ParameterError(
+                f"COMANIP_KERNELS={wanted!r} {what}; allowed here: numpy, or nothing. {missing.removeprefix('numpy: ')}"
+            ) from None
+        return None, missing, missing.removeprefix("numpy: ")
     if wanted in _native.levels():
         _native.use(wanted)
     elif wanted not in ("", "native"):
-        raise ImportError(f"COMANIP_KERNELS={wanted!r}; allowed here: numpy, native, {', '.join(_native.levels())}")
-    return _native, f"native, {_native.level()}"
+        raise ParameterError(f"COMANIP_KERNELS={wanted!r}; allowed here: numpy, native, {', '.join(_native.levels())}")
+    return _native, f"native, {_native.level()}", ""
 
 
-native, description = _load()
+native, description, missing = _load()
 
 
 class Sums(NamedTuple):

@@ -7,9 +7,12 @@
  */
 
 #define PY_SSIZE_T_CLEAN
+#ifndef Py_GIL_DISABLED /* builds without the lock have no stable ABI */
 #define Py_LIMITED_API 0x030B0000
+#endif
 #include <Python.h>
 
+#include <float.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -17,6 +20,10 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+
+#if FLT_EVAL_METHOD != 0 /* the exponential rounds by adding 1.5 * 2^52, and a register of 80 bits keeps what should go */
+#error "numbers are computed with more digits than double has: on 32-bit x86 compile with -msse2 -mfpmath=sse"
+#endif
 
 #ifndef M_LN2
 #define M_LN2 0.693147180559945309417
@@ -483,27 +490,43 @@ static int plan_is_sound(const Job *job, const int64_t *first, int64_t S, int64_
     return 1;
 }
 
-/* How far two pieces disagree about the frame before their seam, as posterior probability: the second may have forgotten too little
- * of what it never saw, the first too little of what comes. NaN where nothing fits. */
-static double gap(const double *seams, int64_t piece, int K) {
+/* Where two pieces meet: `apart`, how far they disagree about the frame before their seam, as posterior probability (the second may
+ * have forgotten too little of what it never saw, the first too little of what comes; NaN where nothing fits), and `gain`, by how much
+ * less likely what comes is after what the first has seen than after what the second has, in nats. Pieces may agree on where they are
+ * and not on how much that surprises: after a rest beside its state the filter knows better by e^100, and the posterior cannot see it. */
+typedef struct {
+    double apart, gain;
+} Seam;
+
+static Seam seam_of(const double *seams, int64_t piece, int K) {
     const double *alpha = seams + (piece * 2 + 1) * 2 * K, *guess = alpha + K, *start = guess + K, *beta = start + K;
-    double of_alpha = 0.0, of_guess = 0.0, of_start = 0.0, apart = 0.0;
-    for (int k = 0; k < K; k++) of_alpha += alpha[k] * beta[k], of_guess += alpha[k] * guess[k], of_start += start[k] * beta[k];
+    double of_alpha = 0.0, of_guess = 0.0, of_start = 0.0, all_alpha = 0.0, all_start = 0.0;
+    Seam found = {0.0, 0.0};
+    for (int k = 0; k < K; k++) {
+        of_alpha += alpha[k] * beta[k], of_guess += alpha[k] * guess[k], of_start += start[k] * beta[k];
+        all_alpha += alpha[k], all_start += start[k];
+    }
     for (int k = 0; k < K; k++) {
         const double gamma = alpha[k] * beta[k] / of_alpha;
-        apart += fabs(start[k] * beta[k] / of_start - gamma) + fabs(alpha[k] * guess[k] / of_guess - gamma);
+        found.apart += fabs(start[k] * beta[k] / of_start - gamma) + fabs(alpha[k] * guess[k] / of_guess - gamma);
     }
-    return apart;
+    found.gain = log(of_alpha / all_alpha) - log(of_start / all_start);
+    return found;
 }
 
-/* What became of the pieces becomes what became of the sequences: whether one failed, or has a seam that is open. */
-static int join(const Job *job, const int64_t *first, int64_t S, double seam, double *log_likelihood, unsigned char *failed) {
+/* What became of the pieces becomes what became of the sequences: whether one failed, or has a seam that is open. Where all seams are
+ * closed, what a piece said about its frames after a start from anywhere becomes what they are after all frames before. */
+static int join(const Job *job, const int64_t *first, int64_t S, double most_apart, double *log_likelihood, unsigned char *failed) {
     int any = 0;
     for (int64_t s = 0; s < S; s++) {
         log_likelihood[s] = failed[s] = 0;
         for (int64_t p = first[s]; p < first[s + 1]; p++) {
             log_likelihood[s] += job->log_likelihood[p];
-            failed[s] |= job->failed[p] || (p + 1 < first[s + 1] && !(gap(job->seams, p, job->model->K) < seam));
+            failed[s] |= job->failed[p];
+            if (p + 1 == first[s + 1]) continue;
+            const Seam seam = seam_of(job->seams, p, job->model->K);
+            log_likelihood[s] += seam.gain;
+            failed[s] |= !(seam.apart < most_apart);
         }
         any |= failed[s];
     }

@@ -45,7 +45,7 @@ def plan(lengths: np.ndarray, width: int, margins: np.ndarray | None = None) -> 
     if len(lengths) == 1 == number[0]:
         return Plan(np.array([0, 1]), np.array([[0, 0, lengths[0], lengths[0]]]), np.array([0]), np.array([0] + [1] * width))
     pieces, first = _cut(lengths, number, margins)
-    order, lanes = _pack(pieces[:, 3] - pieces[:, 0], width, np.repeat(number, number) > 1)
+    order, lanes = _pack(pieces[:, 3] - pieces[:, 0], width, _repeated(number, number) > 1)
     return Plan(first, pieces, order, lanes)
 
 
@@ -67,6 +67,11 @@ class Seating:
         return True
 
 
+def _repeated(values: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """numpy.repeat, which on a machine of 32 bits takes no counts of 64."""
+    return np.repeat(values, times.astype(np.intp))
+
+
 def _pieces_of(lengths: np.ndarray, width: int) -> np.ndarray:
     """How many pieces of each sequence: as many in all as fill whole groups."""
     total = int(lengths.sum())
@@ -79,7 +84,7 @@ def _pieces_of(lengths: np.ndarray, width: int) -> np.ndarray:
 def _cut(lengths: np.ndarray, number: np.ndarray, margins: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`pieces` and `first` of a Plan, with sequence s in number[s] parts of equal length."""
     first = np.concatenate([[0], np.cumsum(number)])
-    owner = np.repeat(np.arange(len(lengths)), number)
+    owner = _repeated(np.arange(len(lengths)), number)
     ends = np.cumsum(lengths)
     starts = ends - lengths
     part = np.arange(first[-1]) - first[owner]

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from .. import __version__
-from ..errors import ChannelError, MismatchError, ParameterError
+from ..errors import ChannelError, MismatchError, ParameterError, check_generator
 from ..fitting.hmm import fit_hmm
 from ..interfaces import Array
+from ..lessons.agreement import lessons_only
 from ..lessons.demonstration import Demonstration, check_set, require
 from ..models.clock import learn_clock
 from ..models.gmm import Gmm
 from ..models.hmm import Hmm
 from ..models.stability import stability, warnings_of
-from ..recording import Passed, frozen
+from ..recording import Passed, check_role, frozen
 
 LAWS = ("default", "paper")
 STATES = {"default": 10, "paper": 5}  # 5 is the paper's; 10 predicts better on every set that was tried (docs/results.md)
@@ -72,10 +73,12 @@ class LearnedSkill(Passed):
 
     @property
     def has_force(self) -> bool:
+        """Whether the interaction force was learned, too."""
         return any(c.startswith("force.") for c in self.model.channels)
 
     @property
     def notes(self) -> tuple[str, ...]:
+        """What was derived, assumed, removed or suspicious on the way from file to skill, a sentence each."""
         return tuple(self.provenance.get("notes", ()))
 
 
@@ -92,18 +95,24 @@ def learn(
     rng: np.random.Generator | None = None,
     covariance_floor: float = 1e-4,
     settings: Mapping[str, Any] | None = None,
+    allow_constant: float | Mapping[str, float] | None = None,
 ) -> LearnedSkill:
     """A skill from several lessons of one role; milliseconds for five lessons of a few seconds.
 
     n_states   default 10 (law "default") or 5 (law "paper"); `fitting.selection.select_states` chooses by data
-    role       must agree with what the lessons say of themselves; None takes their word
+    role       "leader", "follower" or "natural": what lessons that state none are of; must agree with those that do; None takes
+               their word
+    allow_constant  standard deviation of channels that never change, one number or by channel; they are refused otherwise
     with_force False learns position and velocity only (the paper's footnote 3)
 
     Raises TrainingError, ChannelError or RecordingError that name the lesson and what to do.
     """
-    lessons = list(demonstrations)
+    check_role(role)
+    lessons = [replace(one, role=role) if role and not one.role else one for one in lessons_only(demonstrations)]
     if law not in LAWS:
         raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
+    if rng is not None:
+        check_generator(rng)
     groups = ("position", "force", "velocity") if with_force else ("position", "velocity")
     require(lessons, groups)
     notes = list(check_set(lessons, role=role))
@@ -119,6 +128,7 @@ def learn(
         restarts=restarts,
         rng=rng,
         covariance_floor=covariance_floor,
+        allow_constant=allow_constant,
     )
     notes.extend(fit.notes)
     notes.extend(stability_notes(fit.model, law, role or lessons[0].role, settings or {}))

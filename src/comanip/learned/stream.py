@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +14,15 @@ from ..fitting.baum_welch import Chain
 from ..fitting.hmm import weights_of
 from ..fitting.streaming import Progress, Read, Source, fit_stream
 from ..interfaces import Array
+from ..lessons.shards import Checked, check_file, checked
 from ..models.clock import PHASE
 from ..models.gaussian import floored
 from ..models.gmm import Gmm
 from ..models.hmm import Hmm
 from ..models.moments import moments_about
 from ..parallel import each
-from .skill import LAWS, STATES, LearnedSkill
+from ..recording import check_role
+from .skill import LAWS, STATES, LearnedSkill, stability_notes
 
 UNITS = {"position": "m", "force": "N", "velocity": "m/s"}
 
@@ -38,24 +40,32 @@ def learn_stream(
     covariance_floor: float = 1e-4,
     n_jobs: int = 1,
     progress: Progress | None = None,
+    check: bool = True,
     **options: Any,
 ) -> LearnedSkill:
     """A skill from shards of lessons of one role, in SI units; `options` go to `fit_stream` (checkpoint, stepwise_passes ...).
 
     read      path -> pieces, lists of (T, D) in the order of `channels`: position.*, force.* (or none), velocity.*
-    dt        period of all lessons [s]; nothing here can check it
+    dt        period of all lessons [s]; held against the stamps that the shards have
+    check     every episode is held against what a lesson in memory is, once, by the reader's own `check` (see `lessons.shards`);
+              about 10 us a frame. False leaves that out
     """
+    check_role(role)
     if law not in LAWS:
         raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
     axes = tuple(c.split(".")[1] for c in channels if c.startswith("position."))
     groups = list(dict.fromkeys(c.split(".")[0] for c in channels))
     if groups not in (["position", "force", "velocity"], ["position", "velocity"]):
         raise ChannelError(f"channels of a skill are position.*, force.* (or none), velocity.*; got {', '.join(channels)}")
+    paths = [str(p) for p in shards]
+    said: list[str] = []
+    if check and hasattr(read, "check"):
+        looked = each(check_file, ((read, p, dt, role) for p in paths), n_jobs=n_jobs)
+        read, said = checked(read, paths, counted(looked, len(paths), progress), dt, role)
     fit = fit_stream(
         shards, STATES[law] if n_states is None else n_states, channels=channels, read=read, topology=topology,
         covariance_floor=covariance_floor, n_jobs=n_jobs, progress=progress, **options,
     )  # fmt: skip
-    paths = [str(p) for p in shards]
     source = Source(read, tuple(channels), fit.model.n_states + 1)
     found = [part for shard in each(_occupancies, ((p, source, fit.model) for p in paths), n_jobs=n_jobs) for part in shard]
     occupancy, ends, low, high = (np.concatenate(column) for column in zip(*found, strict=True))
@@ -76,7 +86,7 @@ def learn_stream(
         provenance={
             "comanip": __version__,
             "lessons": [{"name": Path(p).name, "source": p} for p in paths],
-            "notes": list(fit.notes),
+            "notes": [*said, *fit.notes, *stability_notes(fit.model, law, role, {})],
             "log_likelihood": [float(v) for v in fit.log_likelihood],
             "converged": fit.converged,
             "bic": fit.bic,
@@ -84,6 +94,13 @@ def learn_stream(
             "topology": topology,
         },
     )
+
+
+def counted(results: Iterator[Checked], total: int, progress: Progress | None) -> Iterator[Checked]:
+    for done, result in enumerate(results, start=1):
+        yield result
+        if progress is not None:
+            progress("checks", done, total)
 
 
 MOST_ENDS = 1000  # a skill file is to be read by people: of a million lessons it keeps the ends of every thousandth

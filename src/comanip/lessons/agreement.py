@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import ChannelError, RecordingError
-from .faults import suspect
+from ..errors import ChannelError, ParameterError, RecordingError, given
+from ..recording import check_role
+from .faults import kinds_of_axes, suspect
 
 if TYPE_CHECKING:
     from .demonstration import Demonstration
@@ -21,7 +23,7 @@ def missing(name: str, signals: Iterable[str], where: str) -> str:
 
 def require(lessons: Sequence[Demonstration], channels: Iterable[str], *, min_frames: int = 1) -> None:
     """Every lesson has these channels and frames; what `learn` calls first. Raises ChannelError, RecordingError."""
-    for lesson in lessons:
+    for lesson in lessons_only(lessons):
         for name in channels:
             if not any(c == name or c.startswith(name + ".") for c in lesson.channels):
                 raise ChannelError(missing(name.split(".")[0], lesson.signals, lesson.source or lesson.name))
@@ -29,46 +31,94 @@ def require(lessons: Sequence[Demonstration], channels: Iterable[str], *, min_fr
             raise RecordingError(f"{lesson.source or lesson.name}: {len(lesson)} frames; needs >= {min_frames}")
 
 
+def listed(values: Any, kind: type, allowed: str) -> list[Any]:
+    """`values` as a list of `kind`, or ParameterError: the mistakes are a path, an array, one value instead of several."""
+    wrong = values
+    if isinstance(values, Iterable) and not isinstance(values, str | bytes | np.ndarray | Mapping):
+        values = list(values)
+        wrong = next((x for x in values if not isinstance(x, kind)), None)
+        if wrong is None:
+            return values
+    raise ParameterError(f"got {given(wrong)}; allowed: {allowed}")
+
+
+def lessons_only(lessons: Any) -> list[Demonstration]:
+    """The lessons as a list; ParameterError for anything else."""
+    from .demonstration import Demonstration
+
+    found = listed(lessons, Demonstration, "a list of lessons, as demonstrations(read(path)) gives it")
+    if not found:
+        raise RecordingError("no lessons; give at least one")
+    return found
+
+
 def check_set(lessons: Sequence[Demonstration], *, role: str | None = None) -> tuple[str, ...]:
     """Do these lessons belong together? Raises on different rates, axes, units or roles; warns of copies and outliers.
 
-    Returns what it warned of.
+    `role` is what lessons that state none are taken to be; one that states another is refused. Returns what it warned of;
+    what a lesson's notes say already is not said again.
     """
+    check_role(role)
     notes: list[str] = []
-    first = lessons[0]
+    first = (lessons := lessons_only(lessons))[0]
+    for lesson in lessons:
+        if role and lesson.role and lesson.role != role:
+            raise RecordingError(f"{lesson.name}: role {lesson.role!r}, {role!r} was asked for; use lessons of that role")
     for other in lessons[1:]:
         for what, a, b in (
             ("rate", f"{1 / first.dt:g} Hz", f"{1 / other.dt:g} Hz"),
             ("axes", first.axes, other.axes),
-            ("role", first.role or "not stated", other.role or "not stated"),
+            ("role", first.role or role or "not stated", other.role or role or "not stated"),
             ("channels", first.channels, other.channels),
             ("units", dict(first.units), dict(other.units)),
         ):
             if a != b:
                 raise RecordingError(f"{other.name}: {what} {b}, while {first.name} has {a}; lessons must agree")
-    if role and first.role != role:
-        raise RecordingError(f"{first.name}: role {first.role or 'not stated'!r}, {role!r} was asked for")
-    seen: dict[str, str] = {}
-    for lesson in lessons:
-        if (twin := seen.setdefault(lesson.sha256, lesson.name)) != lesson.name or _twice(lessons, lesson):
-            suspect(notes, f"{twin} = {lesson.name}: the same lesson twice")
-    _check_scale(lessons, notes)
+    if role and not all(lesson.role for lesson in lessons):
+        notes.append(f"the role is taken to be {role!r}: not every lesson states one")
+    known = {note for lesson in lessons for note in lesson.notes}
+    for _, message in _suspicions(lessons):
+        if message not in known:
+            suspect(notes, message)
+            known.add(message)
     return tuple(notes)
 
 
-def _twice(lessons: Sequence[Demonstration], lesson: Demonstration) -> bool:
-    """Whether an earlier lesson of the same name holds the same data."""
-    earlier = lessons[: next(i for i, other in enumerate(lessons) if other is lesson)]
-    return any(other.name == lesson.name and other.sha256 == lesson.sha256 for other in earlier)
+def noted(lessons: Sequence[Demonstration], said: Sequence[str]) -> tuple[Demonstration, ...]:
+    """The lessons, each with what `check_set` said of it among its notes, so that learning from them does not say it again."""
+    more: dict[int, list[str]] = {}
+    for i, message in _suspicions(lessons):
+        if message in said and message not in more.setdefault(i, []):
+            more[i].append(message)
+    return tuple(replace(x, notes=(*x.notes, *more[i])) if i in more else x for i, x in enumerate(lessons))
 
 
-def _check_scale(lessons: Sequence[Demonstration], notes: list[str]) -> None:
-    """One lesson whose force is some ten or a thousand times the others' was stored in another unit."""
+def _suspicions(lessons: Sequence[Demonstration]) -> list[tuple[int, str]]:
+    return [*_copies(lessons), *_out_of_scale(lessons)]
+
+
+def _copies(lessons: Sequence[Demonstration]) -> list[tuple[int, str]]:
+    """(lesson, message) for each one that was there before, under its own or another name."""
+    seen: dict[str, str] = {}
+    found = []
+    for i, lesson in enumerate(lessons):
+        if (digest := lesson.sha256) in seen:
+            found.append((i, f"{seen[digest]} = {lesson.name}: the same lesson twice"))
+        seen.setdefault(digest, lesson.name)
+    return found
+
+
+def _out_of_scale(lessons: Sequence[Demonstration]) -> list[tuple[int, str]]:
+    """(lesson, message) for one whose force is some ten or a thousand times the others': it was stored in another unit."""
+    found: list[tuple[int, str]] = []
     for name in ("force", "position"):
         if len(lessons) < 3 or name not in lessons[0].signals:
             continue
-        sizes = np.array([float(np.ptp(x.signals[name], axis=0).max()) for x in lessons])
-        typical = float(np.median(sizes))
-        for lesson, size in zip(lessons, sizes.tolist(), strict=True):
-            if typical > 0.0 and not typical / 7.0 < size < typical * 7.0:
-                suspect(notes, f"{lesson.name}: {name} spans {size:.3g}, the others {typical:.3g}: another unit?")
+        spans = np.array([np.ptp(x.signals[name], axis=0) for x in lessons])  # (lessons, d)
+        for columns in kinds_of_axes(lessons[0].units.get(name, ""), spans.shape[1]).values():
+            sizes = spans[:, columns].max(axis=1)
+            typical = float(np.median(sizes))
+            for i, size in enumerate(sizes.tolist()):
+                if typical > 0.0 and not typical / 7.0 < size < typical * 7.0:
+                    found.append((i, f"{lessons[i].name}: {name} spans {size:.3g}, the others {typical:.3g}: another unit?"))
+    return found

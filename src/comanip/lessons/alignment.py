@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import ParameterError
 from ..interfaces import Array
+from .agreement import lessons_only
 from .demonstration import Demonstration
 
 Frames = NDArray[np.int64]
@@ -67,11 +68,14 @@ def align(
     several frames fall on one of the reference's, their mean is taken. Velocities keep their values: they are the
     lesson's own, not the derivative of the warped position, and the notes say so.
     """
+    lessons = lessons_only(lessons)
     if reference is None:
         reference = sorted(range(len(lessons)), key=lambda k: len(lessons[k]))[len(lessons) // 2]
     by = (by,) if isinstance(by, str) else tuple(by)
     spread = np.concatenate([lesson.array(by) for lesson in lessons]).std(axis=0)
     spread[spread == 0.0] = 1.0
+    if not -len(lessons) <= reference < len(lessons):
+        raise ParameterError(f"reference is {reference}; allowed: 0 to {len(lessons) - 1}")
     target = lessons[reference]
     return tuple(lesson if lesson is target else _warped(lesson, target, by, spread, band) for lesson in lessons)
 

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from ..errors import ChannelError, ParameterError, RecordingError
+from ..errors import ChannelError, ParameterError, RecordingError, given
 from ..interaction import Payload, gravity_along, interaction_force
 from ..interfaces import Array
-from ..recording import Channel, Passed, Recording, expand, frozen
+from ..recording import Channel, Passed, Recording, axis_units, check_role, expand, frozen
 from ..signals.filters import MAX_CUTOFF, differentiate, integrate, smooth
-from .agreement import check_set, missing, require
+from .agreement import check_set, listed, missing, noted, require
 from .faults import (
     MAX_RATE_RATIO,
     Plausible,
-    check_force,
     check_period,
     check_plausible,
     check_unit,
@@ -28,10 +28,11 @@ from .faults import (
     cleaned,
     gap_message,
     gaps,
-    period,
-    rest_frames,
+    say_bridged,
     suspect,
 )
+from .forces import Bias, check_force, check_sensor, known_bias, rest_frames, stated_bias, tared
+from .jumps import check_jumps
 from .stamps import one_rate
 
 __all__ = ["Demonstration", "Preparation", "check_set", "demonstration", "demonstrations", "require"]
@@ -84,6 +85,7 @@ class Demonstration(Passed):
 
     @property
     def duration_s(self) -> float:
+        """From the first frame to the last [s]."""
         return (len(self) - 1) * self.dt
 
     @property
@@ -104,6 +106,14 @@ class Demonstration(Passed):
         """Chosen channels side by side, (T, D): "force" stands for all its axes."""
         columns = {f"{n}.{a}": v[:, i] for n, v in self.signals.items() for i, a in enumerate(self.signal_axes[n])}
         return np.stack([columns[name] for name in expand(names, self.channels)], axis=1)
+
+    def unit_of(self, channel: str) -> str:
+        """The unit of one scalar channel: "rad" for "position.yaw" where the units are "m, m, rad"; "" when nobody said."""
+        name = max((n for n in self.signals if channel == n or channel.startswith(n + ".")), key=len, default="")
+        if channel not in self.channels:
+            raise ChannelError(f"no channel {channel!r}; there are: {', '.join(self.channels)}")
+        axes = self.signal_axes[name]
+        return axis_units(self.units.get(name, ""), len(axes))[axes.index(channel[len(name) + 1 :])]
 
     def __getitem__(self, name: str) -> Array:
         if name not in self.signals:
@@ -136,10 +146,12 @@ class Preparation:
     payload, load_share eq. (3) for recordings of the raw F_s: the object, and this hand's share of it; default: what
                         the recording states (metadata load_mass_kg or payload, load_share), else a share of 1/2
     gravity             (d,) [m/s^2]; default: what the recording states (metadata gravity_m_per_s2), else down along "z"
+    force_bias_n        (d,) what the sensor reads when nothing pulls [N]: subtracted from the force, and said
+    tare                take that bias from the rest before the motion instead, for each recording
     drop_bad            drop frames that are not finite instead of refusing the file
     split_gaps          one demonstration for each piece between gaps (see `demonstrations`)
     integrate_position  make up a missing position from the velocity, starting at 0
-    role                what the lessons must be: "leader", "follower"; must agree with the recording's own
+    role                "leader", "follower" or "natural": what recordings that state none are of; must agree with the others' own
     extra               further channels to carry along
     min_frames          shortest use: K + 1 for K states
     plausible           ranges that reveal wrong units; None skips them
@@ -151,6 +163,8 @@ class Preparation:
     payload: Payload | None = None
     load_share: float | None = None
     gravity: tuple[float, ...] | None = None
+    force_bias_n: tuple[float, ...] | None = None
+    tare: bool = False
     drop_bad: bool = False
     split_gaps: bool = False
     integrate_position: bool = False
@@ -160,6 +174,9 @@ class Preparation:
     plausible: Plausible | None = field(default_factory=Plausible)
 
     def __post_init__(self) -> None:
+        check_role(self.role)
+        if self.force_bias_n is not None:
+            object.__setattr__(self, "force_bias_n", stated_bias(self.force_bias_n, self.tare))
         if self.rate_hz is not None and not 0.0 < self.rate_hz <= 50_000.0:
             raise ParameterError(f"rate_hz is {self.rate_hz:g}; allowed: 0 < rate_hz <= 50000 Hz")
         if not self.cutoff_hz > 0.0:
@@ -175,6 +192,7 @@ def demonstration(recording: Recording, preparation: Preparation | None = None, 
 
     Raises RecordingError for data that cannot be used as it is, ChannelError for what is missing.
     """
+    (recording,) = listed([recording], Recording, "a recording, as read(path)[0] gives it")
     pieces = _pieces(recording, _changed(preparation, changes))
     if len(pieces) > 1:
         raise RecordingError(f"{_where(recording)}: split_gaps makes {len(pieces)} demonstrations of it; call demonstrations()")
@@ -185,7 +203,8 @@ def demonstrations(
     recordings: Iterable[Recording], preparation: Preparation | None = None, **changes: Any
 ) -> tuple[Demonstration, ...]:
     """Lessons that fit together: prepared at one rate (the slowest one's, unless stated) and checked as a set."""
-    recordings, chosen = list(recordings), _changed(preparation, changes)
+    recordings = listed(recordings, Recording, "a list of recordings, as read(path) gives it")
+    chosen = _changed(preparation, changes)
     if not recordings:
         raise RecordingError("no recordings; give at least one")
     lessons = [lesson for recording in recordings for lesson in _pieces(recording, chosen)]
@@ -198,9 +217,19 @@ def demonstrations(
         )
     if slowest != fastest:
         common = replace(chosen, rate_hz=1.0 / slowest)
+        lessons = _again(recordings, common, {note for lesson in lessons for note in lesson.notes})
+    return noted(lessons, check_set(lessons, role=chosen.role))
+
+
+def _again(recordings: Sequence[Recording], common: Preparation, said: Container[str]) -> list[Demonstration]:
+    """Lessons prepared a second time, at one rate: what was `said` the first time is not said again."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
         lessons = [lesson for recording in recordings for lesson in _pieces(recording, common)]
-    check_set(lessons, role=chosen.role)
-    return tuple(lessons)
+    for warning in caught:
+        if str(warning.message) not in said:
+            warnings.warn(warning.message, stacklevel=3)
+    return lessons
 
 
 def _changed(preparation: Preparation | None, changes: Mapping[str, Any]) -> Preparation:
@@ -208,6 +237,8 @@ def _changed(preparation: Preparation | None, changes: Mapping[str, Any]) -> Pre
     for name in changes:
         if name not in known:
             raise ParameterError(f"no option {name!r} of a preparation; there are: {', '.join(known)}")
+    if preparation is not None and not isinstance(preparation, Preparation):
+        raise ParameterError(f"the preparation is {given(preparation)}; allowed: a Preparation, or its fields by name")
     return replace(preparation or Preparation(), **changes)
 
 
@@ -228,23 +259,54 @@ def _pieces(recording: Recording, chosen: Preparation) -> list[Demonstration]:
     if chosen.gravity is None and "gravity_m_per_s2" in recording.metadata:
         chosen = replace(chosen, gravity=_stated_gravity(recording))
     channels = _channels(recording, where, chosen, notes)
-    holes = {name: gaps(channel) for name, channel in channels.items()}
+    asked = chosen.rate_hz or recording.metadata.get("rate_hz")
+    holes = {name: gaps(channel, 1.0 / asked if asked else 0.0) for name, channel in channels.items()}
     for name, found in holes.items():
         if found and not chosen.split_gaps:
             raise RecordingError(gap_message(f"{where}: {name}", found[0], len(found)))
+        say_bridged(f"{where}: {name}", channels[name], 1.0 / asked if asked else 0.0, notes)
     cuts = _merged(sorted((before, after) for found in holes.values() for _, before, after in found))
     starts, stops = [-np.inf, *(after for _, after in cuts)], [*(before for before, _ in cuts), np.inf]
     pieces: list[Demonstration] = []
+    bias: Bias | None = None
+    title = str(recording.metadata.get("name", "")) or "recording"
     for i, (start, stop) in enumerate(zip(starts, stops, strict=True)):
         part = {n: _between(c, start, stop) for n, c in channels.items()}
-        title = str(recording.metadata.get("name", "")) or "recording"
         if cuts and min(len(c.time) for c in part.values()) < max(chosen.min_frames, 8):
             suspect(notes, f"{where}: piece {i} between gaps is too short and left out")
             continue
-        pieces.append(_prepared(recording, part, f"{title}#{i}" if cuts else title, role, chosen, [*notes], where))
+        told = [*notes]
+        dt, signals, units, axes = _signals(recording, part, chosen, told, where)
+        if "force" in signals:
+            bias = bias or _bias_of(where, signals, dt, units, chosen)
+            signals["force"] = bias.taken_off(signals["force"], told)
+            check_force(where, signals["force"], signals["velocity"], dt, role, told, (units["force"], units["velocity"]))
+        name = f"{title}#{i}" if cuts else title
+        pieces.append(_finished(recording, part, name, role, dt, signals, units, axes, chosen, told, where))
     if not pieces:
         raise RecordingError(f"{where}: no piece between the {len(cuts)} gaps is long enough")
+    if "velocity" not in channels:
+        _check_derived(where, pieces, chosen)
     return pieces
+
+
+def _bias_of(where: str, signals: Mapping[str, Array], dt: float, units: Mapping[str, str], chosen: Preparation) -> Bias:
+    """What is to be taken off the force: the stated bias, or the one at rest."""
+    if chosen.force_bias_n is not None and chosen.payload is not None and any(chosen.payload.force_bias_n):
+        raise ParameterError(f"{where}: the payload states a bias, and force_bias_n another; allowed: one of them")
+    if chosen.tare:
+        return tared(where, signals["force"], signals["velocity"], dt, units["velocity"])
+    return known_bias(where, chosen.force_bias_n, signals["force"].shape[1])
+
+
+def _check_derived(where: str, pieces: Sequence[Demonstration], chosen: Preparation) -> None:
+    """A velocity that was derived is held against what is plausible, like one that was given, over all pieces together."""
+    if chosen.plausible is None:
+        return
+    unit, axes = pieces[0].units["velocity"], pieces[0].axes
+    time = np.concatenate([piece.dt * np.arange(len(piece)) for piece in pieces])
+    whole = Channel(time, np.concatenate([piece.velocity for piece in pieces]), unit, "task", axes)
+    check_plausible(f"{where}: derived from position", "velocity", whole, chosen.plausible)
 
 
 def _stored_payload(recording: Recording) -> Payload | None:
@@ -288,9 +350,15 @@ def _channels(recording: Recording, where: str, chosen: Preparation, notes: list
     if "force" in found and chosen.payload is None:
         found.pop("sensor_force", None)
     extra = chosen.extra if chosen.extra is not None else tuple(recording.metadata.get("extra", ()))
-    found |= {n: recording[n] for n in extra}
+    for name in extra:
+        if name in _KIND:
+            raise ChannelError(f"{where}: an extra channel is called {name!r}, as one of the signals; give it another name")
+        found[name] = recording[name]
+    if (chosen.tare or chosen.force_bias_n is not None) and not {"force", "sensor_force"} & set(found):
+        raise ChannelError(f"{where}: there is no force to take a bias off; found {', '.join(recording.channels) or 'nothing'}")
     if "position" not in found and not ("velocity" in found and chosen.integrate_position):
         ask = "; integrate_position makes one from the velocity" if "velocity" in found else ""
+        ask += f"; {recording.metadata['hint']}" if recording.metadata.get("hint") else ""
         raise ChannelError(f"{where}: no 'hand.position'; found {', '.join(recording.channels) or 'nothing'}{ask}")
     for name, channel in found.items():
         at = f"{where}: {name}"
@@ -299,13 +367,26 @@ def _channels(recording: Recording, where: str, chosen: Preparation, notes: list
             if not channel.frame:
                 notes.append(f"{name}: no frame is stored; taken as the task frame")
         found[name] = cleaned(at, channel, drop_bad=chosen.drop_bad, min_frames=chosen.min_frames, notes=notes)
-        check_period(at, period(found[name]))
+        check_period(at, found[name])
         if name in _KIND and chosen.plausible is not None:
-            check_plausible(at, _KIND[name], found[name].values, channel.unit, chosen.plausible, channel.axes)
+            check_plausible(at, _KIND[name], found[name], chosen.plausible)
+    frames = {n: c.frame for n, c in found.items() if n in _KIND and c.frame}
+    if len(set(frames.values())) > 1:
+        listed = "; ".join(f"{n}: {f}" for n, f in frames.items())
+        raise ChannelError(
+            f"{where}: the signals are in different frames ({listed}); state how they lie to each other where the file is read, "
+            "for example frames={'sensor': 'hand'} (--frame sensor=hand)"
+        )
     axes = {n: c.axes for n, c in found.items() if n in _KIND}
     if len(set(axes.values())) > 1:
         listed = "; ".join(f"{n}: {', '.join(a)}" for n, a in axes.items())
         raise ChannelError(f"{where}: the signals have different axes ({listed}); map one column an axis in each")
+    if "position" in found:
+        if chosen.plausible is not None:
+            check_jumps(f"{where}: position", found["position"], chosen.plausible)
+        for name in ("force", "sensor_force"):
+            if name in found:
+                check_sensor(f"{where}: {name}", found[name], found["position"], notes)
     return found
 
 
@@ -314,15 +395,10 @@ def _between(channel: Channel, start: float, stop: float) -> Channel:
     return replace(channel, time=channel.time[keep], values=channel.values[keep])
 
 
-def _prepared(
-    recording: Recording,
-    channels: Mapping[str, Channel],
-    name: str,
-    role: str,
-    chosen: Preparation,
-    notes: list[str],
-    where: str,
-) -> Demonstration:
+def _signals(
+    recording: Recording, channels: Mapping[str, Channel], chosen: Preparation, notes: list[str], where: str
+) -> tuple[float, dict[str, Array], dict[str, str], tuple[str, ...]]:
+    """(dt, signals, units, axes) at one rate, nothing missing, F from eq. (3) where it was raw."""
     dt, signals = one_rate(channels, chosen.rate_hz or recording.metadata.get("rate_hz"), where, notes)
     axes = channels["position" if "position" in channels else "velocity"].axes
     units = {n: c.unit for n, c in channels.items()}
@@ -332,9 +408,23 @@ def _prepared(
         signals["force"] = _interaction(signals, dt, cutoff, chosen, axes, where, notes)
         units["force"] = units.pop("sensor_force")
         del signals["sensor_force"]
-    if "force" in signals:
-        check_force(where, signals["force"], signals["velocity"], dt, role, notes)
-    signals = _trimmed(signals, dt, chosen.trim_rest_s, notes)
+    return dt, signals, units, axes
+
+
+def _finished(
+    recording: Recording,
+    channels: Mapping[str, Channel],
+    name: str,
+    role: str,
+    dt: float,
+    signals: dict[str, Array],
+    units: Mapping[str, str],
+    axes: tuple[str, ...],
+    chosen: Preparation,
+    notes: list[str],
+    where: str,
+) -> Demonstration:
+    signals = _trimmed(signals, dt, chosen.trim_rest_s, units["velocity"], notes)
     frames = len(signals["position"])
     if frames < chosen.min_frames:
         raise RecordingError(f"{where}: {frames} frames at {1 / dt:g} Hz; needs >= {chosen.min_frames}: record longer")
@@ -363,14 +453,15 @@ def _complete(
     """Derives what is missing, says so, and compares what is there."""
     if "position" not in signals:
         signals["position"] = integrate(signals["velocity"], dt)
-        units["position"] = units["velocity"].removesuffix("/s")
+        units["position"] = ", ".join(u.strip().removesuffix("/s") for u in units["velocity"].split(","))
         notes.append("position integrated from velocity, starting at 0, as asked")
     elif "velocity" not in signals:
         signals["velocity"] = differentiate(smooth(signals["position"], dt, cutoff), dt)
-        units["velocity"] = units["position"] + "/s"
+        units["velocity"] = ", ".join(u.strip() + "/s" for u in units["position"].split(","))
         notes.append(f"velocity derived from position: zero-phase low-pass {cutoff:.4g} Hz, central differences")
     else:
-        check_velocity(where, signals["position"], signals["velocity"], dt, cutoff_hz=cutoff, axes=axes, notes=notes)
+        position, velocity, unit = signals["position"], signals["velocity"], units["position"]
+        check_velocity(where, position, velocity, dt, cutoff_hz=cutoff, axes=axes, notes=notes, unit=unit)
 
 
 def _stated_gravity(recording: Recording) -> tuple[float, ...]:
@@ -415,10 +506,10 @@ def _interaction(
     return interaction_force(sensed, acceleration, mass_kg=payload.mass_kg, load_share=share, gravity=gravity)
 
 
-def _trimmed(signals: dict[str, Array], dt: float, keep_s: float | None, notes: list[str]) -> dict[str, Array]:
+def _trimmed(signals: dict[str, Array], dt: float, keep_s: float | None, unit: str, notes: list[str]) -> dict[str, Array]:
     if keep_s is None:
         return signals
-    start, end = rest_frames(signals["velocity"], dt)
+    start, end = rest_frames(signals["velocity"], dt, unit)
     frames, keep = len(signals["velocity"]), round(keep_s / dt)
     first, last = max(0, start - keep), frames - max(0, end - keep)
     if start == frames or (first, last) == (0, frames):

@@ -11,7 +11,7 @@ from ..errors import RecordingError
 from ..interfaces import Array
 from ..recording import Channel
 from ..signals.filters import resample
-from .faults import MAX_RATE_RATIO, period, suspect
+from .faults import MAX_RATE_RATIO, jitters, period, suspect
 
 Frames = NDArray[np.int64]
 _ON_GRID = 1e-3  # of a period: stamps this close to a regular grid count as regular
@@ -51,11 +51,12 @@ def one_rate(
         signals[n] = resample(c.time, c.values, grid, cutoff_hz=cutoff)
         how = f"zero-phase low-pass {cutoff:.4g} Hz, then linear" if cutoff else "linear"
         lost = int((_steps(c) - 1).sum())
-        jitter = "" if even else f" with stamps up to {_jitter(c, own) * 1e3:.2g} ms off"
+        off = _jitter(c, own)
+        jitter = "" if even or off <= _ON_GRID * own else f" with stamps up to {off * 1e3:.2g} ms off"
         jitter += f" and {lost} frames missing" if lost else ""
         notes.append(f"{n}: resampled from {rates[n]:.6g} Hz{jitter} to {rate:.6g} Hz ({how})")
-        if not even and _jitter(c, own) > 0.5 * own:
-            suspect(notes, f"{where}: {n}: stamps are up to {_jitter(c, own) * 1e3:.3g} ms off a regular {rates[n]:.4g} Hz")
+        if not even and off > 0.5 * own:
+            suspect(notes, f"{where}: {n}: stamps are up to {off * 1e3:.3g} ms off a regular {rates[n]:.4g} Hz")
     return dt, signals
 
 
@@ -75,16 +76,41 @@ def _regular(channel: Channel) -> tuple[float, bool]:
 def _steps(channel: Channel) -> Frames:
     """Periods from each stamp to the next, more than one where frames are missing; (T - 1,).
 
-    Each stamp is held against a running estimate of the grid, not against its neighbour: two neighbours that jitter by
-    0.3 periods each, apart, would look like a missing frame.
+    Each stamp is held against an estimate of the grid, not against its neighbour: two neighbours that jitter by 0.3 periods each,
+    apart, would look like a missing frame.
     """
-    dt, grid, steps = period(channel), float(channel.time[0]), []
-    for stamp in channel.time[1:].tolist():
+    between, dt = np.diff(channel.time), period(channel)
+    return _shifts(channel.time, between, dt) if jitters(between) else _tracked(channel.time, dt)
+
+
+def _tracked(time: Array, dt: float) -> Frames:
+    """Steps against a running estimate of the grid."""
+    if np.abs(time - time[0] - dt * np.arange(len(time))).max() < 0.25 * dt:
+        return np.ones(len(time) - 1, dtype=np.int64)  # what the loop below comes to
+    grid, steps = float(time[0]), []
+    for stamp in time[1:].tolist():
         step = max(1, round((stamp - grid) / dt))
         grid += step * dt
         grid += 0.1 * (stamp - grid)  # follows drift, averages jitter
         steps.append(step)
     return np.array(steps, dtype=np.int64)
+
+
+def _shifts(time: Array, between: Array, dt: float) -> Frames:
+    """Steps of stamps that jitter: a missing frame shifts all that follow, jitter does not.
+
+    A long step counts as several only as far as the median of forty stamps after it lies later than that of forty before.
+    """
+    steps = np.ones(len(between), dtype=np.int64)
+    off = time - dt * np.arange(len(time))
+    long = np.flatnonzero(between > 1.5 * dt)
+    for k in long[np.argsort(-between[long], kind="stable")].tolist():  # the longest is the likeliest place
+        later = np.median(off[k + 1 : k + 41]) - np.median(off[max(0, k - 39) : k + 1])
+        missing = max(0, round(later / dt - 0.15))
+        if missing:
+            steps[k] += missing
+            off[k + 1 :] -= missing * dt
+    return steps
 
 
 def _jitter(channel: Channel, dt: float) -> float:

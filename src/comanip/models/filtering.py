@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -66,13 +67,30 @@ class StateFilter(ABC):
         # one product for the whole whitening: [L⁻¹, −L⁻¹(μ − origin)] @ [ξ − origin, 1]
         self._affine = np.column_stack([self._all.factors, -self._all.centres])
         self._centred = np.ones(d + 1)
-        self._offset = self._centred[:d]
         self._minus_half = np.full(d, -0.5)
         self._nothing_is_zero = transition_floor > 0.0
         self._z, self._log_b, self._log_h = np.empty(k * d), np.empty(k), np.empty(k)
-        self._z_by_state = self._z.reshape(k, d)
         self._weights, self._predicted = np.empty(k), np.empty(k)
         self._state = np.zeros(5)  # what else a tick remembers, in one array that the compiled tick shares
+        self._link()
+
+    def _link(self) -> None:
+        """Windows into arrays, which a copy would not keep."""
+        self._offset = self._centred[:-1]
+        self._z_by_state = self._z.reshape(self.n_states, -1)
+
+    @abstractmethod
+    def _compile(self) -> None:
+        """Sets `compiled` and `_tick`, in C and over this filter's arrays; None where nothing could be compiled."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy takes over, in mid-run too; what is compiled it makes anew over its own arrays."""
+        return {name: value for name, value in vars(self).items() if name not in ("compiled", "_tick", "_offset", "_z_by_state")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._link()
+        self._compile()
 
     @property
     def n_states(self) -> int:
@@ -191,13 +209,16 @@ class ForwardFilter(StateFilter):
     ) -> None:
         super().__init__(model, channels, transition_floor=transition_floor, gate=gate, patience=patience)
         self._chain = np.ascontiguousarray((1.0 - transition_floor) * model.transition + transition_floor / model.n_states)
+        self._compile()
+        self.reset()
+
+    def _compile(self) -> None:
         self.compiled = None  # the same tick in C, for this step and for a compiled law
         if kernels.native is not None and len(self.channels) <= 256:
             self.compiled = kernels.native.Filter(
                 *self._all.arrays, self._initial, self._chain, self._weights, self._state, self.gate, self.patience
             )
         self._tick = self.compiled and self.compiled.step
-        self.reset()
 
     @property
     def chain(self) -> Array:
@@ -240,13 +261,16 @@ class DurationFilter(StateFilter):
         self._left, self._moved = np.empty((2, *self._durations.shape))
         self._time = np.zeros(2)  # rate of the next tick, and what has gone by of the present frame
         self._frames = np.arange(1.0, self._durations.shape[1] + 1.0)
+        self._compile()
+        self.reset()
+
+    def _compile(self) -> None:
         self._tick = None
         if kernels.native is not None and len(self.channels) <= 256:
             self._tick = kernels.native.DurationFilter(
                 *self._all.arrays, self._initial, self._transition, self._durations, self._weights, self._left, self._time,
                 self._state, self.gate, self._forgets, self.patience,
             ).step  # fmt: skip
-        self.reset()
 
     def reset(self) -> None:
         super().reset()

@@ -45,10 +45,12 @@ class Gmm:
 
     @property
     def n_states(self) -> int:
+        """K"""
         return len(self.weights)
 
     @property
     def n_channels(self) -> int:
+        """D"""
         return len(self.channels)
 
 

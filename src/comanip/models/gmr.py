@@ -22,6 +22,9 @@ from .hmm import Hmm
 LEAST_EIGENVALUE = 1e-12  # of the inputs' correlation: below it an input repeats others and a gain would be rounding
 
 
+DEAD = 1e-13  # standard deviation over distance from zero: an input that varies less has only rounding to say
+
+
 class Conditional(NamedTuple):
     """mean (..., Do) and covariance (..., Do, Do) of the outputs given the inputs."""
 
@@ -46,6 +49,9 @@ def conditional_lines(
     if input_noise is not None:
         sigma_ii = sigma_ii + np.diag(input_noise)
     sigma_io = covariances[:, i[:, None], o[None, :]]
+    dead = np.einsum("kii->ki", sigma_ii) <= (DEAD * means[:, i]) ** 2
+    if dead.any():  # a locked axis: it says nothing, and what stands in for its covariances is rounding
+        sigma_ii, sigma_io = _without(sigma_ii, dead), np.where(dead[:, :, None], 0.0, sigma_io)
     sigma_oo = covariances[:, o[:, None], o[None, :]]
     gains = np.ascontiguousarray(np.swapaxes(_solve(sigma_ii, sigma_io), 1, 2))
     offsets = means[:, o] - np.einsum("koi,ki->ko", gains, means[:, i])
@@ -85,20 +91,38 @@ class Regression:
         self.input_index = _columns(self.inputs, model.channels)
         self.output_index = _columns(self.outputs, model.channels)
         i, o = self.input_index, self.output_index
-        lines = conditional_lines(model.means, model.covariances, i, o, input_noise=_noise(input_noise, self.inputs))
+        self._noise = _noise(input_noise, self.inputs)
+        lines = conditional_lines(model.means, model.covariances, i, o, input_noise=self._noise)
         self.gains, self.offsets, self.covariances = lines
         self._input_means, self._input_covariances = marginal(model.means, model.covariances, i)
-        self._input_covariances = self._input_covariances + np.diag(_noise(input_noise, self.inputs))
-        self._flat_gains = np.ascontiguousarray(self.gains.reshape(-1, len(i)))
+        self._input_covariances = self._input_covariances + np.diag(self._noise)
+        self._flat_gains = np.ascontiguousarray(self.gains.reshape(self.offsets.size, len(i)))
         self._flat_offsets = self.offsets.reshape(-1).copy()
         self._lines = np.empty_like(self._flat_offsets)
+        self._link()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy takes over; what is compiled it makes anew over its own arrays."""
+        return {name: value for name, value in vars(self).items() if name not in ("_mean", "_lines_by_state")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._link()
+
+    def _link(self) -> None:
         self._lines_by_state = self._lines.reshape(self.offsets.shape)
         self._mean = None
-        if kernels.native is not None:
+        if kernels.native is not None and len(self.inputs):
             self._mean = kernels.native.Lines(self._flat_gains, self._flat_offsets, *self.gains.shape).mean
 
     def __repr__(self) -> str:
         return f"Regression({', '.join(self.inputs)} -> {', '.join(self.outputs)}, {len(self.gains)} states)"
+
+    def without(self, missing: np.ndarray) -> Regression:
+        """The same outputs from the inputs that are not `missing` (Di,): the others are integrated out."""
+        present = [name for name, gone in zip(self.inputs, missing, strict=True) if not gone]
+        noise = {name: float(self._noise[i]) for i, name in enumerate(self.inputs) if not missing[i]}
+        return Regression(self.model, present, self.outputs, input_noise=noise)
 
     def mean(self, weights: Array, x: Array, out: Array | None = None) -> Array:
         """Σ_i h_i y_i(x) as (Do,), for the tick: weights (K,), x (Di,); written into `out` when given."""
@@ -151,12 +175,24 @@ def regress(
              "mixture-with-priors"  h_i ∝ π_i N(x; μ_i, Σ_i), the conditional of a Gmm
              "forward"              eq. (4) over x as one sequence in time, for an Hmm: the rows' order matters
              an array (N, K)        your own, rows that sum to 1
+
+    NaN in x is an input that is missing: that row is regressed from the others, and with none it is the states' own means.
     """
     regression = Regression(model, inputs, outputs, input_noise=input_noise)
     frames = np.asarray(x, dtype=np.float64)
     if frames.ndim != 2 or frames.shape[1] != len(regression.inputs):
         raise ChannelError(f"inputs {regression.inputs} want x (N, {len(regression.inputs)}); got {frames.shape}")
-    return regression.predict(_weights(regression, frames, weights), frames)
+    h = _weights(regression, frames, weights)
+    missing = np.isnan(frames)
+    if not missing.any():
+        return regression.predict(h, frames)
+    found = Conditional(np.empty((len(frames), len(regression.outputs))), np.empty((len(frames), *[len(regression.outputs)] * 2)))
+    patterns, which = np.unique(missing, axis=0, return_inverse=True)
+    for p, pattern in enumerate(patterns):
+        rows = which.reshape(-1) == p
+        part = regression.without(pattern).predict(h[rows], frames[rows][:, ~pattern])
+        found.mean[rows], found.covariance[rows] = part
+    return found
 
 
 def _weights(regression: Regression, x: Array, weights: str | Array) -> Array:
@@ -191,6 +227,12 @@ def _noise(noise: Mapping[str, float] | None, inputs: tuple[str, ...]) -> Array:
         for column in expand(name, inputs):
             variances[inputs.index(column)] = variance
     return variances
+
+
+def _without(sigma_ii: Array, dead: np.ndarray) -> Array:
+    """Input blocks (K, Di, Di) in which `dead` (K, Di) inputs are of variance 1 and alone."""
+    alone = np.where(dead[:, :, None] | dead[:, None, :], 0.0, sigma_ii)
+    return np.where(dead[:, :, None] & np.eye(dead.shape[1], dtype=bool), 1.0, alone)
 
 
 def _solve(sigma_ii: Array, sigma_io: Array) -> Array:

@@ -62,10 +62,12 @@ class Hmm:
 
     @property
     def n_states(self) -> int:
+        """K"""
         return len(self.initial)
 
     @property
     def n_channels(self) -> int:
+        """D"""
         return len(self.channels)
 
     @cached_property

@@ -85,10 +85,12 @@ class Hsmm:
 
     @property
     def n_states(self) -> int:
+        """K"""
         return len(self.initial)
 
     @property
     def n_channels(self) -> int:
+        """D"""
         return len(self.channels)
 
     @property

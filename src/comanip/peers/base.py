@@ -10,6 +10,8 @@ import numpy as np
 from ..errors import ParameterError
 from ..interfaces import Array
 
+FARTHEST = 1e100  # largest number of a sample: sums of squares of it are still float64
+
 
 class EstimatorError(ParameterError, ValueError):
     """A wrong argument of an estimator; also a ValueError, because scikit-learn's users catch that."""
@@ -76,9 +78,47 @@ def random_state(seed: Any) -> np.random.RandomState:
     raise EstimatorError(f"{seed!r} cannot be used as random_state; give an integer, a RandomState or a Generator")
 
 
+def whole_number(value: Any, name: str, least: int) -> int:
+    """`value` as an int of at least `least`; else EstimatorError."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
+        raise EstimatorError(f"{name} must be a whole number of at least {least}; got {value!r}")
+    return int(value)
+
+
+def checked_probabilities(values: Any, shape: tuple[int, ...], name: str) -> Array:
+    """`values` as float64 of `shape`, none below 0, whose last axis sums to 1; else EstimatorError."""
+    try:
+        p = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise EstimatorError(f"{name} must be numbers of shape {shape}; got {values!r:.60}") from None
+    if p.shape != shape:
+        raise EstimatorError(f"{name} must have shape {shape}; got {p.shape}")
+    if not (p >= 0.0).all():  # NaN, too
+        raise EstimatorError(f"{name} must be probabilities, none below 0; got {p[~(p >= 0.0)][0]:g}")
+    if not np.allclose(p.sum(axis=-1), 1.0):
+        raise EstimatorError(f"{name} must sum to 1 (got {p.sum(axis=-1)})")
+    return p
+
+
+def checked_means(values: Any, n: int) -> Array:
+    """`values` as finite float64 (n, n_features); else EstimatorError that names the state."""
+    try:
+        means = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise EstimatorError(f"the means must be numbers of shape ({n}, n_features); got {values!r:.60}") from None
+    if means.ndim != 2 or len(means) != n or means.shape[1] < 1:
+        raise EstimatorError(f"the means must have shape ({n}, n_features); got {means.shape}")
+    if not np.isfinite(means).all():
+        state, feature = np.argwhere(~np.isfinite(means))[0]
+        raise EstimatorError(
+            f"the mean of state {state}, feature {feature} is {means[state, feature]}; it must be a finite number"
+        )
+    return means
+
+
 def checked_samples(values: Any, estimator: Any, least: int = 1) -> Array:
     """X as float64 (n_samples, n_features), finite. The wording is what scikit-learn's users know."""
-    name = type(estimator).__name__
+    name = getattr(estimator, "__name__", type(estimator).__name__)
     if hasattr(values, "toarray"):
         raise TypeError(f"Sparse data was passed to {name}, but dense data is required. Use X.toarray() to convert.")
     raw = np.asarray(values)
@@ -95,17 +135,26 @@ def checked_samples(values: Any, estimator: Any, least: int = 1) -> Array:
         kind = f"{x.ndim}D array" if x.ndim != 0 else "scalar array"
         raise EstimatorError(f"Expected 2D array, got {kind} instead of shape {x.shape}. Reshape your data: {advice}.")
     if x.shape[0] < least:
-        raise EstimatorError(f"Found array with {len(x)} sample(s) (shape={x.shape}) while a minimum of {least} is required.")
+        raise EstimatorError(
+            f"{name} found array with n_samples={len(x)} (shape={x.shape}) while a minimum of {least} is required."
+        )
     if x.shape[1] < 1:
         raise EstimatorError(f"Found array with 0 feature(s) (shape={x.shape}) while a minimum of 1 is required.")
     if not np.isfinite(x).all():
         row, column = np.argwhere(~np.isfinite(x))[0]
         what = "NaN" if np.isnan(x).any() else "infinity"
         raise EstimatorError(f"Input X contains {what}: sample {row}, feature {column} is {x[row, column]}.")
+    if (np.abs(x) > FARTHEST).any():
+        row, column = np.argwhere(np.abs(x) > FARTHEST)[0]
+        raise EstimatorError(
+            f"Input X contains a value too large: sample {row}, feature {column} is {x[row, column]:g}, and squares beyond "
+            f"{FARTHEST:g} leave float64. Use another unit, or cut the sample."
+        )
     return x
 
 
 def checked_features(x: Array, estimator: Any, n_features: int) -> Array:
+    """x (N, n_features) itself; else EstimatorError."""
     if x.shape[1] != n_features:
         raise EstimatorError(
             f"X has {x.shape[1]} features, but {type(estimator).__name__} is expecting {n_features} features as input."

@@ -33,7 +33,12 @@ def compressed(full: Array, shares: Array, covariance_type: str) -> Array:
 
 def checked_covariances(covars: Any, covariance_type: str, n: int) -> Array:
     """A copy of `covars` in the shape of its type, positive definite; else EstimatorError."""
-    c = np.array(covars, dtype=np.float64)
+    try:
+        c = np.array(covars, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise EstimatorError(f"covars_ of type {covariance_type!r} must be numbers; got {covars!r:.60}") from None
+    if not np.isfinite(c).all():
+        raise EstimatorError(f"covars_ of state {np.argwhere(~np.isfinite(c))[0][0]} are not finite")
     if covariance_type == "spherical":
         fits, positive = c.ndim >= 1 and len(c) == n, c.size > 0 and bool((c > 0.0).all())
     elif covariance_type == "diag":
@@ -51,3 +56,8 @@ def checked_covariances(covars: Any, covariance_type: str, n: int) -> Array:
             f"got shape {c.shape}"
         )
     return c
+
+
+def n_features_of(covars: Array, covariance_type: str) -> int | None:
+    """D of covariances as a type stores them; None where the type does not say."""
+    return None if covariance_type == "spherical" else int(covars.shape[-1])

@@ -21,8 +21,18 @@ from ..interfaces import Array
 from ..models import chains
 from ..models.gaussian import Whitening, regularised, whitening
 from ..models.moments import loses_digits, moments_about, scatter_of_frames, scatter_of_moments
-from .base import Estimator, EstimatorError, checked_features, checked_samples, not_fitted, random_state
-from .covariance_types import COVARIANCE_TYPES, checked_covariances, compressed, expanded
+from .base import (
+    Estimator,
+    EstimatorError,
+    checked_features,
+    checked_means,
+    checked_probabilities,
+    checked_samples,
+    not_fitted,
+    random_state,
+    whole_number,
+)
+from .covariance_types import COVARIANCE_TYPES, checked_covariances, compressed, expanded, n_features_of
 from .monitor import ConvergenceMonitor
 
 _log = logging.getLogger(__name__)
@@ -126,9 +136,11 @@ class GaussianHMM(Estimator):
         for that, and ignored.
         """
         x = checked_samples(X, self)
+        self._check_options()
         lengths = self._lengths(lengths, len(x), target_allowed=True)
         self._init(x, lengths)
         self._check()
+        checked_features(x, self, self.n_features)
         if getattr(self, "_monitor_is_ours", True):
             vars(self).pop("_monitor", None)
         monitor = self.monitor_
@@ -145,9 +157,7 @@ class GaussianHMM(Estimator):
         return self
 
     def _init(self, X: Array, lengths: Any = None) -> None:
-        n, d = self.n_components, X.shape[1]
-        if not isinstance(n, int | np.integer) or n < 1:
-            raise EstimatorError(f"n_components must be a whole number of at least 1; got {n!r}")
+        n, d = whole_number(self.n_components, "n_components", 1), X.shape[1]
         if self.covariance_type not in COVARIANCE_TYPES:
             raise EstimatorError(f"covariance_type must be one of {COVARIANCE_TYPES}; got {self.covariance_type!r}")
         draw = random_state(self.random_state)
@@ -174,17 +184,28 @@ class GaussianHMM(Estimator):
     def _check(self) -> None:
         if self.covariance_type not in COVARIANCE_TYPES:
             raise EstimatorError(f"covariance_type must be one of {COVARIANCE_TYPES}; got {self.covariance_type!r}")
-        n = self.n_components
-        for name, shape in (("startprob_", (n,)), ("transmat_", (n, n))):
-            p = np.asarray(getattr(self, name), dtype=np.float64)
-            if p.shape != shape:
-                raise EstimatorError(f"{name} must have shape {shape}; got {p.shape}")
-            if not np.allclose(p.sum(axis=-1), 1.0):
-                raise EstimatorError(f"{name} must sum to 1 (got {p.sum(axis=-1)})")
-            setattr(self, name, p)
-        self.means_ = np.asarray(self.means_, dtype=np.float64)
-        if self.means_.ndim != 2 or len(self.means_) != n:
-            raise EstimatorError(f"means_ must have shape ({n}, n_features); got {self.means_.shape}")
+        n = whole_number(self.n_components, "n_components", 1)
+        self.startprob_ = checked_probabilities(self.startprob_, (n,), "startprob_")
+        self.transmat_ = checked_probabilities(self.transmat_, (n, n), "transmat_")
+        self.means_ = checked_means(self.means_, n)
+        width = n_features_of(checked_covariances(self._covars_, self.covariance_type, n), self.covariance_type)
+        if width not in (None, self.n_features):
+            raise EstimatorError(f"covars_ are of {width} features, and means_ of {self.n_features}")
+
+    def _check_options(self) -> None:
+        """What a wrong argument of `__init__` would end in later, in words that do not name it."""
+        for name in ("params", "init_params"):
+            letters = getattr(self, name)
+            if not isinstance(letters, str) or set(letters) - set("stmc"):
+                raise EstimatorError(
+                    f"{name} is made of the letters s (startprob_), t (transmat_), m (means_) and c (covars_); got {letters!r}"
+                )
+        for name, allowed in (("algorithm", ("viterbi", "map")), ("implementation", ("log", "scaling"))):
+            if getattr(self, name) not in allowed:
+                raise EstimatorError(f"{name} must be {allowed[0]!r} or {allowed[1]!r}; got {getattr(self, name)!r}")
+        whole_number(self.n_iter, "n_iter", 0)
+        if not isinstance(self.min_covar, int | float | np.number) or not 0.0 <= float(self.min_covar) < np.inf:
+            raise EstimatorError(f"min_covar must be a variance, 0 or more; got {self.min_covar!r}")
 
     def _whitening(self) -> Whitening:
         return whitening(self.means_, regularised(self.covars_, self.means_))
@@ -300,12 +321,15 @@ class GaussianHMM(Estimator):
         return self.score_samples(X, lengths)[1]
 
     def decode(self, X: Any, lengths: Any = None, algorithm: str | None = None) -> tuple[float, np.ndarray]:
-        """Log-probability of the best states, and the states: "viterbi" best path, "map" best state each time."""
+        """log p(X, states), and the states: "viterbi" the best path, "map" the best state each time.
+
+        States that are best one by one may form a path that no transition allows; its log-probability is −inf.
+        """
         x, lengths = self._ready(X, lengths)
         algorithm = algorithm or self.algorithm
         if algorithm == "map":
-            weights, _ = self._posteriors(x, lengths)
-            return float(weights.max(axis=1).sum()), weights.argmax(axis=1)
+            states = self._posteriors(x, lengths)[0].argmax(axis=1)
+            return self._log_probability(x, lengths, states), states
         if algorithm != "viterbi":
             raise EstimatorError(f"algorithm must be 'viterbi' or 'map'; got {algorithm!r}")
         log_initial, log_transition, white = chains.log_of(self.startprob_), chains.log_of(self.transmat_), self._whitening()
@@ -316,6 +340,15 @@ class GaussianHMM(Estimator):
         paths = [chains.best_path(part, log_initial, log_transition) for part in parts]
         return sum(score for _, score in paths), np.concatenate([path for path, _ in paths])
 
+    def _log_probability(self, x: Array, lengths: np.ndarray, states: np.ndarray) -> float:
+        """log p(X, states) of paths (N,) one after another."""
+        with np.errstate(divide="ignore"):
+            steps = np.log(self.transmat_[states[:-1], states[1:]])
+            first = np.concatenate([[0], np.cumsum(lengths)[:-1]])
+            steps[first[1:] - 1] = 0.0  # from one sequence to the next there is no transition
+            log_b = self._whitening().log_density(x)[np.arange(len(x)), states]
+            return float(np.log(self.startprob_[states[first]]).sum() + steps.sum() + log_b.sum())
+
     def predict(self, X: Any, lengths: Any = None) -> np.ndarray:
         """The best states (n_samples,)."""
         return self.decode(X, lengths)[1]
@@ -324,6 +357,9 @@ class GaussianHMM(Estimator):
         """Draws X (n_samples, D) and states; `currstate` is the state of the first sample."""
         self._require_fit()
         self._check()
+        n_samples = whole_number(n_samples, "n_samples", 0)
+        if currstate is not None and whole_number(currstate, "currstate", 0) >= self.n_components:
+            raise EstimatorError(f"currstate must be a state from 0 to {self.n_components - 1}; got {currstate!r}")
         draw = _random_state(self.random_state if random_state is None else random_state)
         states = np.empty(n_samples, dtype=int)
         row = np.cumsum(self.startprob_)
@@ -373,7 +409,7 @@ class GaussianHMM(Estimator):
     def _lengths(self, lengths: Any, n_samples: int, target_allowed: bool = False) -> np.ndarray:
         if lengths is None:
             return np.array([n_samples])
-        given = np.asarray(lengths)
+        given = np.atleast_1d(lengths)  # hmmlearn takes one number, too
         if given.ndim == 1 and given.dtype.kind in "iu" and len(given) and (given > 0).all() and given.sum() == n_samples:
             return given.astype(np.intp)
         if target_allowed and len(given) == n_samples:

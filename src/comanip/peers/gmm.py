@@ -22,8 +22,18 @@ from ..interfaces import Array
 from ..models.gaussian import log_sum_exp, marginal, normalised, regularised, shares, whitening
 from ..models.gmr import conditional_lines
 from ..models.moments import loses_digits, moments_about, scatter_of_frames, scatter_of_moments
-from .base import EstimatorError, random_state
-from .mvn import MVN, add_ellipse, inputs_and_outputs, log_densities, squared_radius
+from .base import EstimatorError, checked_means, checked_probabilities, checked_samples, random_state, whole_number
+from .mvn import (
+    MVN,
+    add_ellipse,
+    checked_mixture_covariances,
+    checked_rows,
+    feature_indices,
+    inputs_and_outputs,
+    log_densities,
+    squared_radius,
+    without_rounding,
+)
 
 _random_state = random_state  # arguments of that name are part of the interface
 
@@ -62,8 +72,10 @@ class GMM:
         """
         if init_params not in ("random", "kmeans++"):
             raise EstimatorError(f"'init_params' must be 'random' or 'kmeans++'; got {init_params!r}")
-        x = np.asarray(X, dtype=np.float64)
+        whole_number(n_iter, "n_iter", 0)
+        x = checked_samples(X, self)
         self._start(x, init_params)
+        checked_rows(x[:1], self, self._initialized()[1].shape[1])
         before = np.zeros((len(x), self.n_components))
         for _ in range(n_iter):
             moments, gamma, origin = self._expect(x)
@@ -80,13 +92,16 @@ class GMM:
                 self.covariances = scatter_of_frames(x, gamma, self.means) / total[:, :, None]
             else:
                 self.covariances = scatter_of_moments(moments, self.means - origin) / total[:, :, None]
+            still = np.ptp(x, axis=0) == 0.0  # a locked axis varies by rounding, which would be taken for knowledge
+            self.covariances[:, still, :] = self.covariances[:, :, still] = 0.0
+            self.means[:, still] = x[0, still]
             if oracle_approximating_shrinkage:
                 self.apply_oracle_approximating_shrinkage(gamma.sum(axis=0) ** 2 / (gamma**2).sum(axis=0))
         return self
 
     def _expect(self, x: Array) -> tuple[Array, Array, Array]:
         """Moments as in `models.moments.moments_about`, γ (N, K), and the moments' origin (D,)."""
-        priors, means, covariances = self._initialized()
+        priors, means, covariances = self._parameters()
         white = whitening(means, regularised(covariances, means))
         if kernels.native is None:
             gamma = normalised(white.log_density(x) + _log(priors))
@@ -96,7 +111,7 @@ class GMM:
         return moments, found, white.origin
 
     def _start(self, x: Array, init_params: str) -> None:
-        n, d = self.n_components, x.shape[1]
+        n, d = whole_number(self.n_components, "n_components", 1), x.shape[1]
         if self.priors is None:
             self.priors = np.full(n, 1.0 / n)
         if self.means is None and init_params == "random":
@@ -121,28 +136,29 @@ class GMM:
     def to_responsibilities(self, X: Any) -> Array:
         """p(k | x) as (N, K)."""
         priors, means, covariances = self._initialized()
-        return shares(np.atleast_2d(np.asarray(X, dtype=np.float64)), means, regularised(covariances, means), _log(priors))
+        return shares(checked_rows(X, self, means.shape[1]), means, regularised(covariances, means), _log(priors))
 
     def to_probability_density(self, X: Any) -> Array:
         """p(x) as (N,)."""
         priors, means, covariances = self._initialized()
-        return np.exp(log_sum_exp(log_densities(means, covariances, X) + _log(priors)))
+        x = checked_rows(X, self, means.shape[1])
+        return np.exp(log_sum_exp(log_densities(means, covariances, x) + _log(priors)))
 
     def to_mahalanobis_distance(self, X: Any) -> Array:
         """Distance (N, K) of each sample to each component, in standard deviations."""
         _, means, covariances = self._initialized()
-        apart = np.atleast_2d(np.asarray(X, dtype=np.float64))[:, None, :] - means
-        return np.sqrt(np.einsum("nki,kij,nkj->nk", apart, np.linalg.inv(covariances), apart))
+        x = checked_rows(X, self, means.shape[1])
+        return np.sqrt(whitening(means, regularised(covariances, means)).distances(x))
 
     def condition(self, indices: Any, x: Any) -> GMM:
         """p(others | features in `indices` are x), again a mixture."""
         priors, means, covariances = self._initialized()
         inputs, outputs = inputs_and_outputs(indices, means)
         lines = conditional_lines(means, covariances, inputs, outputs)
-        given = np.asarray(x, dtype=np.float64).reshape(1, -1)
+        given = checked_rows(np.reshape(x, (1, -1)), self, len(inputs))
         weights = normalised(log_densities(*marginal(means, covariances, inputs), given) + _log(priors))[0]
         return GMM(
-            self.n_components, weights, lines.gains @ given[0] + lines.offsets, lines.covariances,
+            self.n_components, weights, lines.gains @ given[0] + lines.offsets, without_rounding(lines.covariances),
             random_state=self.random_state,
         )  # fmt: skip
 
@@ -151,16 +167,18 @@ class GMM:
         priors, means, covariances = self._initialized()
         inputs, outputs = inputs_and_outputs(indices, means)
         lines = conditional_lines(means, covariances, inputs, outputs)
-        x = np.asarray(X, dtype=np.float64)
+        x = checked_rows(X, self, len(inputs))
         seen = marginal(means, covariances, inputs)
-        weights = shares(np.atleast_2d(x), seen[0], regularised(seen[1], seen[0]), _log(priors))
-        each = x @ lines.gains.reshape(-1, len(inputs)).T + lines.offsets.reshape(-1)
+        weights = np.tile(priors, (len(x), 1))
+        if len(inputs):
+            weights = shares(x, seen[0], regularised(seen[1], seen[0]), _log(priors))
+        each = x @ lines.gains.reshape(lines.offsets.size, len(inputs)).T + lines.offsets.reshape(-1)
         return np.einsum("nk,nko->no", weights, each.reshape(len(x), *lines.offsets.shape))
 
     def marginalize(self, indices: Any) -> GMM:
         """The mixture of the features in `indices`."""
         priors, means, covariances = self._initialized()
-        kept = marginal(means, covariances, np.asarray(indices, dtype=int))
+        kept = marginal(means, covariances, feature_indices(indices, means.shape[1]))
         return GMM(self.n_components, priors, *kept, random_state=self.random_state)
 
     def sample(self, n_samples: int) -> Array:
@@ -169,13 +187,15 @@ class GMM:
 
     def sample_confidence_region(self, n_samples: int, alpha: float) -> Array:
         """Draws from the regions of the components."""
+        squared_radius(alpha, 1)  # refused also where nothing is drawn
         return self._by_component(n_samples, lambda mvn, n: mvn.sample_confidence_region(n, alpha))
 
     def is_in_confidence_region(self, x: Any, alpha: float) -> bool:
         """Is x in gmr's region of the closest component?"""
-        self._initialized()
-        nearest = min(self.extract_mvn(k).squared_mahalanobis_distance(x) for k in range(self.n_components))
-        return bool(nearest <= squared_radius(alpha, len(x)))
+        _, means, covariances = self._initialized()
+        point = checked_rows(np.reshape(x, (1, -1)), self, means.shape[1])
+        nearest = whitening(means, regularised(covariances, means)).distances(point).min()
+        return bool(nearest <= squared_radius(alpha, means.shape[1]))
 
     def to_ellipses(self, factor: float = 1.0) -> list[tuple[Array, tuple[float, float, float]]]:
         """Mean and ellipse of every component, see `MVN.to_ellipse`."""
@@ -198,12 +218,20 @@ class GMM:
         return MVN(means[component_idx], covariances[component_idx], self.verbose, self.random_state)
 
     def _by_component(self, n_samples: int, draw: Callable[[MVN, int], Array]) -> Array:
-        priors, _, _ = self._initialized()
-        chosen = self.random_state.choice(self.n_components, size=(n_samples,), p=priors)
+        priors, means, _ = self._initialized()
+        chosen = self.random_state.choice(self.n_components, size=(whole_number(n_samples, "n_samples", 0),), p=priors)
         count = np.bincount(chosen, minlength=self.n_components)
-        return np.concatenate([draw(self.extract_mvn(int(k)), int(count[k])) for k in np.flatnonzero(count)])
+        parts = [draw(self.extract_mvn(int(k)), int(count[k])) for k in np.flatnonzero(count)]
+        return np.concatenate([np.empty((0, means.shape[1])), *parts])
 
     def _initialized(self) -> tuple[Array, Array, Array]:
+        """What is set, checked: attributes may be assigned at any time."""
+        priors, means, covariances = self._parameters()
+        n = whole_number(self.n_components, "n_components", 1)
+        means = checked_means(means, n)
+        return checked_probabilities(priors, (n,), "priors"), means, checked_mixture_covariances(covariances, means)
+
+    def _parameters(self) -> tuple[Array, Array, Array]:
         if self.priors is None or self.means is None or self.covariances is None:
             raise EstimatorError("priors, means and covariances have not all been set; pass them, or call from_samples")
         return self.priors, self.means, self.covariances
@@ -211,7 +239,7 @@ class GMM:
 
 def kmeansplusplus_initialization(X: Any, n_components: int, random_state: Any = None) -> Array:
     """K samples (K, D) spread over X: each drawn in proportion to its squared distance to those drawn before."""
-    x = np.asarray(X, dtype=np.float64)
+    x = checked_samples(X, kmeansplusplus_initialization)
     if not 0 < n_components <= len(x):
         raise EstimatorError(f"n_components must be from 1 to the {len(x)} samples; got {n_components!r}")
     draw = _random_state(random_state)
@@ -230,7 +258,7 @@ def covariance_initialization(X: Any, n_components: int) -> Array:
     """Diagonal covariances (K, D, D): the mean distance of two samples in each feature, divided by K, squared."""
     if n_components <= 0:
         raise EstimatorError(f"n_components must be above 0; got {n_components!r}")
-    x = np.sort(np.asarray(X, dtype=np.float64), axis=0)
+    x = np.sort(checked_samples(X, covariance_initialization, least=2), axis=0)
     n = len(x)
     # Σ_{i<j} (x_j − x_i) of sorted numbers is Σ_i (2 i − n + 1) x_i: no table of all pairs
     average = (2.0 * np.arange(n) - n + 1.0) @ x / (0.5 * n * (n - 1.0))

@@ -143,6 +143,7 @@ class Envelope:
 
     @property
     def mode(self) -> str:
+        """ "RUN", "COMPLY" or "HOLD"."""
         return NAMES[self._state]
 
     @property

@@ -145,6 +145,7 @@ class PaperSkill:
         self._velocity_from = Regression(model, inputs, "velocity", input_noise=noise)  # eq. (5)
         self._position_from = Regression(model, backwards, "position")  # eq. (6)
         self._blind = Regression(model, "position", "velocity")  # eq. (5) while the force is missing
+        self._partly = self._from_some_forces() if self._has_force else {}
         self._filter = ForwardFilter(
             blurred(model, dict(law.weight_noise)),
             law.weight_channels or None,
@@ -165,6 +166,17 @@ class PaperSkill:
         self._h, self._kappa_p = np.zeros(k), np.zeros(1)
         self._position, self._velocity = np.zeros(d), np.zeros(d)
 
+    def _from_some_forces(self) -> dict[bytes, tuple[Regression, Regression]]:
+        """Eqs. (5) and (6) for every choice of force axes that may be missing, made beforehand: a tick builds nothing."""
+        forces = [c for c in self._velocity_from.inputs if c.startswith("force.")]
+        found = {}
+        for present in product((True, False), repeat=len(forces)):
+            if any(present) and not all(present):
+                gone = {c for c, here in zip(forces, present, strict=True) if not here}
+                both = (r.without(np.array([c in gone for c in r.inputs])) for r in (self._velocity_from, self._position_from))
+                found[np.array(present).tobytes()] = (next(both), next(both))
+        return found
+
     @property
     def diagnostics(self) -> Mapping[str, Array]:
         return {
@@ -184,11 +196,12 @@ class PaperSkill:
         self._before: Array | None = None  # force of the last tick
 
     def step(self, obs: Observation, command: Command) -> None:
-        x = obs.position if isfinite(obs.position.sum()) else np.where(np.isfinite(obs.position), obs.position, self._position)
-        dx = obs.velocity if isfinite(obs.velocity.sum()) else np.where(np.isfinite(obs.velocity), obs.velocity, self._velocity)
+        x = obs.position if _finite(obs.position) else np.where(np.isfinite(obs.position), obs.position, self._position)
+        dx = obs.velocity if _finite(obs.velocity) else np.where(np.isfinite(obs.velocity), obs.velocity, self._velocity)
         self._weigh(x, obs.force, dx)
-        felt = self._has_force and isfinite(obs.force.sum())
-        self._integrate(x, dx, obs.force if felt else None)
+        force = obs.force if _finite(obs.force) else np.where(np.isfinite(obs.force), obs.force, np.nan)
+        felt = self._has_force and not np.isnan(force).all()
+        self._integrate(x, dx, force if felt else None)
         command.position[:], command.velocity[:] = self._position, self._velocity
         command.acceleration[:] = (self._velocity - dx) / self._dt
 
@@ -206,16 +219,31 @@ class PaperSkill:
         self._until_filter -= self._dt
 
     def _regress(self, x: Array, dx: Array, force: Array | None) -> None:
-        """Eqs. (5) and (6) with the present weights; without force, velocity from position alone."""
+        """Eqs. (5) and (6) with the present weights; without force, velocity from position alone. NaN: an axis without force."""
         near = self._held(x, "position")
         if force is not None:
             self._force[:] = self._held(force, "force")  # a copy: the observation is rewritten next tick
+            if not _finite(self._force):
+                self._regress_partly(near, dx)
+                return
             self._velocity_from.mean(self._h, np.concatenate([near, self._force]), out=self._v_hat)
         else:
             self._blind.mean(self._h, near, out=self._v_hat)
         self._v_hat[:] = self._held(self._v_hat, "velocity")
         self._position_from.mean(self._h, self._backward_inputs(dx), out=self._x_hat)
         self._x_hat[:] = self._held(self._x_hat, "position")
+
+    def _regress_partly(self, near: Array, dx: Array) -> None:
+        """The same where some axes' force is missing: it is integrated out, and the others count."""
+        present = np.isfinite(self._force)
+        velocity_from, position_from = self._partly[present.tobytes()]
+        felt = self._force[present]
+        velocity_from.mean(self._h, np.concatenate([near, felt]), out=self._v_hat)
+        self._v_hat[:] = self._held(self._v_hat, "velocity")
+        v = self._v_hat if self.law.target_position == "predicted" else dx
+        position_from.mean(self._h, felt if self.law.target_position == "force" else np.concatenate([felt, v]), out=self._x_hat)
+        self._x_hat[:] = self._held(self._x_hat, "position")
+        self._force[~present] = 0.0  # kept for ticks without any
 
     def _held(self, values: Array, group: str) -> Array:
         """Within the taught range, where the law asks for it. (numpy.clip costs five times these two.)"""
@@ -245,7 +273,9 @@ class PaperSkill:
             return
         kappa_v = self.law.velocity_gain_per_s or 1.0 / self._model_dt
         before, self._before = self._before, None if force is None else force.copy()
-        ahead = force if force is None or before is None else 1.5 * force - 0.5 * before
+        ahead = force
+        if force is not None and before is not None:
+            ahead = np.where(np.isfinite(before), 1.5 * force - 0.5 * before, force)
         self._regress(x, dx, force)
         middle, speed = self._exact(x, dx, kappa_v, self._attraction(x, kappa_v), 0.5 * self._dt)
         self._regress(middle, speed, ahead)
@@ -263,6 +293,11 @@ class PaperSkill:
         one = second_order_step(kappa_p, kappa_v, duration)
         drive = self._v_hat * kappa_v + (self._x_hat - x) * kappa_p
         return x + one.yv * dx + one.yu * drive, one.vv * dx + one.vu * drive
+
+
+def _finite(values: Array) -> bool:
+    """(A sum would do, but for inf - inf.)"""
+    return all(map(isfinite, values.tolist()))
 
 
 def blurred(model: Hmm, noise: Mapping[str, float]) -> Hmm:

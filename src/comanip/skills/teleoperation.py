@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import dist, exp, inf, isfinite, sqrt
+from math import dist, exp, hypot, inf, isfinite, sqrt
 from operator import mul
 
 import numpy as np
@@ -13,6 +13,7 @@ from ..errors import ParameterError
 from ..interfaces import Array, Command, HapticDevice, Observation
 
 RUN, HOLD = 0, 1
+EASE_S = 0.1  # [s] in which a force comes into the hand: a jump of the weight would be a push
 
 
 @dataclass(frozen=True)
@@ -22,12 +23,17 @@ class CouplingLimits:
     full_feedback_s, no_feedback_s   measured round trip up to which K_f is as set; above, K_f falls as 1/delay; from
                                      no_feedback_s on there is no force feedback (docs/physics.md: stability map)
     workspace_m                      (lowest, highest) of the ROBOT'S hand per axis; None: no walls
+    sensor_max_n                     |F_s| that a sensor at a hand can measure while people carry: above, it is broken
+    handle_max_n                     |F_m| that is ever asked of the handle; a device may state less as its `force_limit_n`
     """
 
     v_max_m_per_s: float = 0.8
     a_max_m_per_s2: float = 10.0
     handle_max_m_per_s: float = 3.0  # no wrist is faster: a sample above is no motion
+    sensor_max_n: float = 250.0  # five times the weight of the heaviest beam
+    handle_max_n: float = 40.0  # the strongest handles give that
     stale_s: float = 0.050
+    frozen_s: float = 0.5  # a velocity that is not 0 and stays the same to the last bit: no hand does that
     connect_s: float = 1.0  # how long the first sample may take
     match_m: float = 0.02  # how well handle and hand must agree before they are coupled again
     ramp_s: float = 1.5  # the robot's share of the handle's velocity fades in after a fault
@@ -65,11 +71,12 @@ class Teleoperation:
     F_s is the RAW sensor force, so the teacher feels the load's weight scaled by K_f. U must be orthonormal with det +1.
 
     home     (d,) [m] handle position that fits the hand's position at the start; None: wherever the handle is, fits
+    carried  the person holds the rendered weight already when the run starts; else it comes into the hand within 0.1 s
 
     The clutch uncouples: while it is up the robot stands, and pressed again it goes on from wherever the handle is. On a fault
-    (device lost or silent, a sample or force that cannot be) the robot brakes and holds. To go on, the device must work again
-    and the clutch be released and pressed where handle and hand agree within `limits.match_m`; then the coupling fades in. A
-    run held longer than `limits.patience_s` ends, with the fault as its stop reason.
+    (device lost, silent or repeating its last sample, a sample or force that cannot be) the robot brakes and holds. To go on, the
+    device must work again and the clutch be released and pressed where handle and hand agree within `limits.match_m`; then the
+    coupling fades in. A run held longer than `limits.patience_s` ends, with the fault as its stop reason.
 
     Diagnostics: device.velocity v_h, device.force F_m as asked, the device's own channels, coupling.mode (0 run, 1 hold),
     coupling.gain (share of K_f rendered), coupling.mismatch [m].
@@ -86,6 +93,7 @@ class Teleoperation:
         rotation: Array | None = None,
         home: Array | None = None,
         limits: CouplingLimits = CouplingLimits(),
+        carried: bool = False,
     ) -> None:
         self._device, self._dt, self._scale, self.limits = device, dt, velocity_scale, limits
         u = _checked_rotation(rotation, n_axes)
@@ -101,6 +109,11 @@ class Teleoperation:
         self._render = (u @ np.diag(np.broadcast_to(gain, (n_axes,)))).tolist()
         self._back = (velocity_scale * u.T).tolist()  # U^-1 = U^T
         self._forth = (velocity_scale * u).tolist()
+        own = getattr(device, "force_limit_n", None)
+        if own is not None and not (isfinite(own) and own > 0):
+            raise ParameterError(f"the device states a force limit of {own!r} N; it must be positive and finite")
+        self._carried = carried
+        self._most_n = limits.handle_max_n if own is None else min(limits.handle_max_n, float(own))
         self._home = None if home is None else np.array(home, dtype=float)
         self._handle_velocity, self._handle_force, self._sample = np.zeros(n_axes), np.zeros(n_axes), np.zeros(n_axes)
         self._hand_anchor, self._handle_anchor = [0.0] * n_axes, [0.0] * n_axes
@@ -141,7 +154,9 @@ class Teleoperation:
     @property
     def notice(self) -> str:
         said = [f"HOLD: {self._reason}{self._how_to_go_on()}" if self._reason else "", self._device.notice]
-        share = float(self._gain[0])
+        if self._asked_n > self._most_n:
+            said.append(f"handle force limited: {self._asked_n:.3g} N asked, {self._most_n:g} N given")
+        share = min(float(self._gain[0]), self._allowed()) if self._settled else self._allowed()
         if self._delay is not None and share < 1.0 and not self._reason:
             how = f"at {100.0 * share:.0f} %" if share > 0.0 else "off"
             said.append(f"force feedback {how}: delay {1000.0 * float(self._delay[0]):.0f} ms")
@@ -157,10 +172,10 @@ class Teleoperation:
     def reset(self, obs: Observation) -> None:
         self._device.reset()
         self._begin()
-        if _finite(felt := obs.sensor_force.tolist()):
+        if _finite(felt := obs.sensor_force.tolist()) and hypot(*felt) <= self.limits.sensor_max_n:
             self._fresh_force = self._rest_force = felt
         self._anchor(obs)
-        self._gain[0] = self._allowed()
+        self._gain[0] = self._allowed() if self._carried else 0.0
         if self._home is not None:
             self._handle_anchor = self._home.tolist()
             self._measure_mismatch(obs)
@@ -170,7 +185,9 @@ class Teleoperation:
     def _begin(self) -> None:
         self._reason, self._held_s, self._silent_s, self._blind_s, self._met = "", 0.0, 0.0, 0.0, False
         self._ramp, self._released, self._coupled, self._at_wall = 1.0, False, True, False
-        self._mode[0], self._gain[0], self._mismatch[0] = RUN, 1.0, 0.0
+        self._mode[0], self._gain[0], self._mismatch[0] = RUN, 0.0, 0.0
+        self._asked_n, self._same_s, self._settled = 0.0, 0.0, False
+        self._sample_before: list[float] = []
         self._handle_velocity[:] = self._handle_force[:] = 0.0
         self._velocity = [0.0] * len(self._sample)
         self._fresh_force = self._rest_force = [0.0] * len(self._sample)
@@ -193,27 +210,38 @@ class Teleoperation:
         command.position[:] = obs.position
 
     def _feel(self, obs: Observation) -> None:
-        """Eq. (1), with the share of K_f that the delay allows; none in HOLD."""
-        if _finite(felt := obs.sensor_force.tolist()):
+        """Eq. (1), with the share of K_f that the delay allows, never more than the handle may have; none in HOLD."""
+        felt = obs.sensor_force.tolist()
+        finite = _finite(felt)
+        if finite and hypot(*felt) <= self.limits.sensor_max_n:
             self._fresh_force, self._blind_s = felt, 0.0
+        elif finite:  # never rendered: the last one that can be fades out
+            self._blind_s += self._dt
+            self._fault(f"a force of {hypot(*felt):.3g} N cannot be (a sensor here gives up to {self.limits.sensor_max_n:g} N)")
         else:  # a missing sample holds the last force for a while
             self._blind_s += self._dt
             if self._blind_s > self.limits.stale_s + 1e-9:
                 self._fault(f"force {1000.0 * self._blind_s:.0f} ms old")
         gain = self._eased(0.0 if self._reason else self._allowed())
         self._gain[0] = gain
-        for i, force in enumerate(_product(self._render, self._fresh_force)):
-            self._handle_force[i] = gain * force
+        self._settled |= gain == self._allowed()
+        asked = _product(self._render, self._fresh_force)
+        self._asked_n = gain * hypot(*asked)
+        share = gain if self._asked_n <= self._most_n else gain * self._most_n / self._asked_n
+        for i, force in enumerate(asked):
+            self._handle_force[i] = share * force
 
     def _allowed(self) -> float:
         return 1.0 if self._delay is None else self.limits.feedback(float(self._delay[0]))
 
     def _eased(self, allowed: float) -> float:
-        """K_f falls at once to what the delay allows; else it moves in 0.1 s: a jump of the weight would be a push."""
+        """K_f falls at once to what the delay allows; else it moves in `EASE_S`."""
         gain = float(self._gain[0])
+        if not self._settled and not self._reason:  # at the start the weight is nothing to be hit by
+            return min(allowed, gain + self._dt / EASE_S)
         if (allowed < gain and not self._reason) or abs(allowed - gain) < 1e-3:
             return allowed
-        return gain + (allowed - gain) * (1.0 - exp(-self._dt / 0.1))
+        return gain + (allowed - gain) * (1.0 - exp(-self._dt / EASE_S))
 
     def _power(self, obs: Observation) -> float:
         """(K_f/s_v) (F_s - F_s at rest) v [W]: what the object puts in at the hand, at the handle's scale."""
@@ -234,18 +262,28 @@ class Teleoperation:
                 self._fault(f"no sample from the device for {1000.0 * self._silent_s:.0f} ms")
             return
         self._silent_s, self._met = 0.0, True
-        fastest = max(map(abs, sample))
+        if self._is_frozen(sample):
+            self._fault(f"the device says it moves and repeats one sample for {1000.0 * self._same_s:.0f} ms: its driver hangs")
+            return
+        fastest = hypot(*sample)
         if fastest > self.limits.handle_max_m_per_s:
             self._fault(f"handle velocity {fastest:.3g} m/s cannot be")
             return
         self._handle_velocity[:] = self._sample
+
+    def _is_frozen(self, sample: list[float]) -> bool:
+        """Whether a driver says the same over and over: a velocity, and the handle is where it was. 0 is a hand at rest."""
+        now = sample if self._place is None else sample + self._place.tolist()
+        self._same_s = self._same_s + self._dt if any(sample) and now == self._sample_before else 0.0
+        self._sample_before = now
+        return self._same_s > 1e-9 + (self.limits.frozen_s if self._place is None else self.limits.stale_s)
 
     def _wait(self, obs: Observation) -> None:
         """In HOLD: goes on when the device works, the clutch was up and is pressed where handle and hand agree."""
         self._held_s += self._dt
         self._measure_mismatch(obs)
         pressed = self._clutch is not None and self._clutch[0] > 0.5
-        works = not self._device.problem and self._silent_s == 0.0 and self._blind_s == 0.0
+        works = not self._device.problem and self._silent_s == 0.0 and self._blind_s == 0.0 and self._same_s == 0.0
         if self._clutch is None or not works:
             return
         if not pressed:
@@ -262,6 +300,7 @@ class Teleoperation:
         share = self._ramp if coupled else 0.0
         wishes = _product(self._back, self._handle_velocity.tolist())
         exact = coupled and self._ramp == 1.0
+        wishes = _no_faster(wishes, self.limits.v_max_m_per_s)
         step, fastest = self.limits.a_max_m_per_s2 * self._dt, self.limits.v_max_m_per_s
         self._at_wall = False
         for i, (low, high) in enumerate(self._walls):
@@ -306,6 +345,12 @@ class Teleoperation:
 
 def _finite(values: list[float]) -> bool:
     return all(map(isfinite, values))
+
+
+def _no_faster(velocity: list[float], most: float) -> list[float]:
+    """The same direction, at `most` in any."""
+    speed = hypot(*velocity)
+    return velocity if speed <= most else [v * most / speed for v in velocity]
 
 
 def _product(matrix: list[list[float]], vector: list[float]) -> list[float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import inspect
 import sys
+import traceback
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -14,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import ParameterError
-from ..interfaces import Partner
+from ..interfaces import Array, Partner
 from .cases import Case
 
+MORE_BYTES = 2 << 30  # address space for a partner and the simulation around it; a run of ours takes a tenth of that
 STATED = ("goal_m", "onset_s", "stop_s")  # what a partner may say of himself, and is then judged by
 WHAT = "a function partner(case, rng), or classes with reset(position) and force(time, position, velocity, out)"
 
@@ -35,11 +37,17 @@ class PartnersFrom:
     """
 
     path: str
+    bounded: bool = False  # whether the process that asks a partner is kept from allocating without end (Linux); it stays so
 
     def __call__(self, case: Case, rng: np.random.Generator) -> Partner:
+        if self.bounded:
+            bound_memory()
         made = self._makers()
         maker = made[case.seed % len(made)]
-        person = maker(**_wanted(maker, {"case": case, "rng": rng}))
+        try:
+            person = maker(**_wanted(maker, {"case": case, "rng": rng}))
+        except Exception as error:
+            raise ParameterError(f"{self.path}: {maker.__name__}: {_where(error, self.path)}") from None
         if not isinstance(person, Partner):
             raise ParameterError(f"{self.path}: {maker.__name__} gives {type(person).__name__}, which lacks reset or force")
         for name, value in stated_by(person).items():
@@ -49,7 +57,7 @@ class PartnersFrom:
                 raise ParameterError(f"{self.path}: {maker.__name__}.{name} must be a finite number; got {value!r}")
             if name == "goal_m" and len(case.axes) > 1:
                 raise ParameterError(f"{self.path}: {maker.__name__}.goal_m must be {len(case.axes)} numbers; got {value!r}")
-        return person
+        return Foreign(person, self.path)
 
     def _makers(self) -> list[Any]:
         module = _loaded(self.path)
@@ -63,6 +71,59 @@ class PartnersFrom:
         if not classes:
             raise ParameterError(f"{self.path} holds no partner: give {WHAT}")
         return classes
+
+
+class Foreign:
+    """Somebody else's partner: what it raises is told as a fault of its file, by line, and not as one of comanip's."""
+
+    def __init__(self, person: Partner, path: str) -> None:
+        self.person, self._path = person, path
+
+    def reset(self, position: Array) -> None:
+        try:
+            self.person.reset(position)
+        except Exception as error:
+            raise ParameterError(f"{self._path}: {type(self.person).__name__}.reset: {_where(error, self._path)}") from None
+
+    def force(self, time: float, position: Array, velocity: Array, out: Array) -> None:
+        try:
+            self.person.force(time, position, velocity, out)
+        except Exception as error:
+            at = f"{type(self.person).__name__}.force at {time:.3f} s"
+            raise ParameterError(f"{self._path}: {at}: {_where(error, self._path)}") from None
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") or name in ("person", "_path"):
+            raise AttributeError(name)
+        return getattr(self.person, name)
+
+
+def _where(error: Exception, path: str) -> str:
+    """What was raised, and the last line of the file that had a part in it."""
+    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).resolve() == Path(path).resolve()]
+    what = str(error) or ("more than is allowed" if isinstance(error, MemoryError) else "no message")
+    return f"{type(error).__name__}: {what}" + (f" (line {lines[-1]})" if lines else "")
+
+
+def bounds_memory() -> bool:
+    """Whether this system can keep a process from allocating without end: Linux can, macOS and Windows cannot."""
+    return sys.platform == "linux"
+
+
+def bound_memory() -> None:
+    """From now on this process may allocate MORE_BYTES beside what it has: a partner that takes more gets MemoryError."""
+    if _bounded or not bounds_memory():
+        return
+    import resource
+
+    has = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    most = has + MORE_BYTES if hard == resource.RLIM_INFINITY else min(has + MORE_BYTES, hard)
+    resource.setrlimit(resource.RLIMIT_AS, (most, hard))
+    _bounded.append(most)
+
+
+_bounded: list[int] = []
 
 
 def stated_by(person: Partner) -> dict[str, Any]:
@@ -104,5 +165,5 @@ def _loaded(path: str) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as error:
         del sys.modules[name]
-        raise ParameterError(f"{path}: {type(error).__name__}: {error}") from error
+        raise ParameterError(f"{path}: {_where(error, path)}") from error
     return module

@@ -11,7 +11,7 @@ from ..errors import ParameterError
 from ..interaction import TaringInteractionForce
 from ..interfaces import Array, Partner, Plant, Skill, Tap
 from ..learned.skill import LearnedSkill
-from ..loop import Clock, run
+from ..loop import Clock, run, unbroken
 from ..parallel import each
 from ..plants.beam import Beam, BeamPlant, WristSensor
 from ..recording import Recording
@@ -145,7 +145,7 @@ def one_run(
     """The recording of one case, and the verdict on it."""
     skill = contestant(law, case.role, learned, dt=dt)
     with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
-        recording = run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law})
+        recording = unbroken(run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law}))
         ends = learned["leader" if "leader" in learned else case.role].ends
         return recording, judge(case, recording, taught_ends_m=ends, lessons_clearance_m=clearance(learned))
 

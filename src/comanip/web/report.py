@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 from collections.abc import Mapping
 from importlib.resources import files
@@ -11,13 +10,22 @@ from typing import Any
 import numpy as np
 
 from ..recording import Recording
+from ..shown import for_html
 from ..trials import Case
 
 FRAME_S = 0.02
 
 
-def page(results: Mapping[str, Any], pictures: Mapping[str, str], shown: Mapping[str, tuple[Case, Recording]]) -> str:
-    """The page as text. `pictures`: name -> SVG; `shown`: role -> the run that the animation plays."""
+def page(
+    results: Mapping[str, Any],
+    pictures: Mapping[str, str],
+    shown: Mapping[str, tuple[Case, Recording]],
+    *,
+    words: Mapping[str, str] | None = None,
+) -> str:
+    """The page as text. `pictures`: name -> SVG; `shown`: role -> the run that the animation plays; `words`: what a reader may
+    not know -> what it means.
+    """
     template = files(__package__).joinpath("report.html").read_text(encoding="utf-8")
     filled = {
         "TABLE": _trial_table(results),
@@ -25,13 +33,19 @@ def page(results: Mapping[str, Any], pictures: Mapping[str, str], shown: Mapping
         "SECONDS": f"{results['seconds']:.0f}",
         "SEED": str(results["seed"]),
         "PARTNERS": str(results["roles"]["leader"]["trial"]["default"]["partners"]),
-        "RUNS": json.dumps({role: _frames(case, run) for role, (case, run) in shown.items()}, separators=(",", ":")),
+        "RUNS": _script({role: _frames(case, run) for role, (case, run) in shown.items()}),
+        "WORDS": "\n".join(f"<dt>{for_html(word)}</dt><dd>{for_html(text)}</dd>" for word, text in (words or {}).items()),
         **{f"PICTURE_{name.upper()}": _inline(svg) for name, svg in pictures.items()},
         **{f"SHOWN_{role.upper()}": _sentence(role, case, results) for role, (case, _) in shown.items()},
     }
     for key, value in filled.items():
         template = template.replace("{{" + key + "}}", value)
     return template
+
+
+def _script(value: Any) -> str:
+    """JSON that cannot end the script it stands in."""
+    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _inline(svg: str) -> str:
@@ -63,7 +77,7 @@ def _sentence(role: str, case: Case, results: Mapping[str, Any]) -> str:
         partner += f", lifts {100 * case.lift_m:.0f} cm in {case.duration_s:.1f} s from {case.onset_s:.1f} s on"
     else:
         partner += f", yields at {case.yielding_ns_per_m:.0f} N s/m after {1000 * case.delay_s:.0f} ms"
-    return html.escape(
+    return for_html(
         f"The first partner drawn ({partner}): {outcome}; end error {1000 * abs(v['end_error_m']):.0f} mm, "
         f"peak force {v['peak_force_n']:.1f} N, beam within {v['tilt_deg']:.2f}°."
     )
@@ -84,21 +98,31 @@ def _trial_table(results: Mapping[str, Any]) -> str:
 
 def _trial_row(role: str, law: str, t: Mapping[str, Any]) -> str:
     low, high = t["interval"]
+    success, interval = f"{100 * t['success']:.0f} %", f"{100 * low:.0f}–{100 * high:.0f} %"
     why = "; ".join(f"{reason} ({n})" for reason, n in t["failures"].items()) or "–"
     return (
-        f"<tr><td>{role}</td><td>{law}</td><td class=n>{100 * t['success']:.0f} %</td>"
-        f"<td class=n>{100 * low:.0f}–{100 * high:.0f} %</td><td class=n>{_number(t['effort'])}</td>"
-        f"<td class=n>{_number(t['peak_force_n'])}</td><td>{html.escape(why)}</td></tr>"
+        f"<tr>{_cell('robot as', role)}{_cell('law', law)}{_cell('success', success, 'n')}"
+        f"{_cell('95 %', interval, 'n')}{_cell('effort, N² s', _number(t['effort']), 'n')}"
+        f"{_cell('highest |F|, N', _number(t['peak_force_n']), 'n')}{_cell('why it failed', why)}</tr>"
     )
 
 
 def _prediction_table(results: Mapping[str, Any]) -> str:
-    return "\n".join(
-        f"<tr><td>{role}</td><td class=n>{r['learn_s']:.2f} s</td><td class=n>{r['prediction']['one_step_velocity_r2']:.3f}</td>"
-        f"<td class=n>{100 * r['prediction']['free_run_position_rmse_m']:.1f} cm</td></tr>"
-        for role, r in results["roles"].items()
+    return "\n".join(_prediction_row(role, r["learn_s"], r["prediction"]) for role, r in results["roles"].items())
+
+
+def _prediction_row(role: str, learn_s: float, found: Mapping[str, float]) -> str:
+    r2, rmse = f"{found['one_step_velocity_r2']:.3f}", f"{100 * found['free_run_position_rmse_m']:.1f} cm"
+    return (
+        f"<tr>{_cell('role', role)}{_cell('learned in', f'{learn_s:.2f} s', 'n')}{_cell('one-step R²', r2, 'n')}"
+        f"{_cell('free run RMSE', rmse, 'n')}</tr>"
     )
 
 
-def _number(value: float) -> str:
-    return f"{value:.3g}" if abs(value) < 1e4 else "diverged"
+def _cell(name: str, value: str, kind: str = "") -> str:
+    """A cell that carries its column's name, which stands beside it where the page is too narrow for columns."""
+    return f'<td{f" class={kind}" if kind else ""} data-name="{for_html(name)}">{for_html(value)}</td>'
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3g}" if abs(value) < 1e4 else "diverged"

@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import ParameterError
 from ...interfaces import Array
 from .robot import Robot
-from .scene import Scene
+from .scene import Scene, ranges_of
 from .simulator import mujoco
 
 WORLD = ("x", "y", "z")
@@ -55,7 +55,7 @@ class InverseKinematics:
         self._pull, self._leash = posture_pull_per_s, leash_m
         model, arm = scene.model, scene.arm
         self._dofs = scene.velocity_at[arm]
-        ranges = model.jnt_range[[model.joint(scene.joints[j]).id for j in arm]]
+        ranges = ranges_of(model, [scene.joints[j] for j in arm])
         self._low, self._high = ranges[:, 0] + margin_rad, ranges[:, 1] - margin_rad
         speeds = [robot.servo_of(scene.joints[j]).speed for j in arm]
         self._ways = list(zip(self._low.tolist(), self._high.tolist(), speeds, strict=True))

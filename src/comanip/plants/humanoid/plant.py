@@ -30,6 +30,7 @@ from .scene import (
     WRIST_FORCE,
     Scene,
     build,
+    ranges_of,
 )
 from .self_collision import SelfCollision
 from .servos import EVERY, PERIOD_S, ServoReferences
@@ -38,6 +39,7 @@ from .stance import resume, stand
 
 FALLEN_SHARE, FALLEN_COSINE = 0.85, 0.94  # of the base's height; of its upright axis (20 deg)
 LOOK_EVERY = 20  # physics steps between two looks at what touches what: the hand moves 16 mm in that time at most
+ABSURD_M_PER_S = 100.0  # no hand is asked for that: beyond, inverse kinematics leaves float64
 LIMITS = ("range", "speed", "torque", "reach")
 
 # The exact beam that moves most like this robot with any load (identified from pulls and lifts; docs/physics.md).
@@ -145,6 +147,7 @@ class HumanoidPlant:
 
     @property
     def time(self) -> float:
+        """[s] since the reset."""
         return self._tick * PHYSICS_STEP_S
 
     def reset(self) -> None:
@@ -203,6 +206,12 @@ class HumanoidPlant:
         return [r[k] * x + r[k + 1] * y + r[k + 2] * z for k in (0, 3, 6)]
 
     def write(self, command: Command) -> None:
+        """Takes the velocity; one that cannot be ends the run, and the recording is kept."""
+        fastest = max(map(abs, command.velocity.tolist()))
+        if not fastest < ABSURD_M_PER_S or any(v != v for v in command.velocity.tolist()):
+            what = "is not finite" if not isfinite(fastest) or fastest != fastest else f"asks for {fastest:.3g} m/s"
+            self._stopped = self._stopped or f"the command {what} at {self.time:.3f} s"
+            return
         self._servos.command[:] = command.velocity
 
     def advance(self) -> None:
@@ -222,6 +231,9 @@ class HumanoidPlant:
             if self._see is not None:
                 self._show_tilt(self._see)
             self.partner.force(self.time, self._position, self._velocity, force)
+            if not isfinite(force @ force):
+                self._stopped = self._stopped or f"the partner's force is not finite at {self.time:.3f} s"
+                force[:] = 0.0
             self._pull[self._task] = force
             user += force
             mj.mj_step2(model, data)  # accelerations, forces, integration ...
@@ -243,14 +255,13 @@ class _Limits:
     def __init__(self, scene: Scene, robot: Robot) -> None:
         servos = [robot.servo_of(j) for j in scene.joints]
         self._torque, self._speed = np.array([s.torque for s in servos]), np.array([s.speed for s in servos])
-        ranges = scene.model.jnt_range[[scene.model.joint(j).id for j in scene.joints]]
-        self._middle, self._half = ranges.mean(axis=1), 0.5 * np.ptp(ranges, axis=1)
+        self._low, self._high = ranges_of(scene.model, scene.joints).T
         self._position_at, self._velocity_at = scene.position_at, scene.velocity_at
         self.counts = np.zeros(len(LIMITS))
 
     def count(self, data: Any, ik: InverseKinematics) -> None:
         q = data.qpos[self._position_at]
-        self.counts[0] += np.count_nonzero(np.abs(q - self._middle) > self._half) > 0
+        self.counts[0] += np.count_nonzero((q < self._low) | (q > self._high)) > 0
         self.counts[1] += np.count_nonzero(np.abs(data.qvel[self._velocity_at]) > self._speed) > 0
         self.counts[2] += np.count_nonzero(np.abs(data.actuator_force) >= self._torque) > 0
         self.counts[3] += ik.holds_back

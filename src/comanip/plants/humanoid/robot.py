@@ -15,6 +15,7 @@ import re
 import tomllib
 from dataclasses import dataclass, field
 from importlib.util import find_spec
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +38,15 @@ class Servo:
 
     def __post_init__(self) -> None:
         for name in ("stiffness", "damping", "torque", "speed"):
-            if not getattr(self, name) > 0:
-                raise ParameterError(f"servo {self.joints!r}: {name} must be positive; got {getattr(self, name)}")
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < inf:
+                raise ParameterError(f"servo {self.joints!r}: {name} must be positive; got {value!r}")
+        try:
+            re.compile(self.joints)
+        except (re.error, TypeError) as problem:
+            raise ParameterError(
+                f"servo: joints is a regular expression that fits names of joints, {self.joints!r} is none ({problem})"
+            ) from None
 
 
 @dataclass(frozen=True)
@@ -76,6 +84,26 @@ class Robot:
     sites: tuple[Site, ...] = ()
     soles: tuple[Sole, ...] = ()
     geometry: bool = True
+    packaged: bool = False  # its model comes with an installed package
+
+    def __post_init__(self) -> None:
+        """What a table may hold that is of another kind, found before anything is built."""
+        for what, values in (("grasp_m", self.grasp_m), *((f"posture_deg of {j}", (v,)) for j, v in self.posture_deg.items())):
+            if not all(isinstance(v, int | float) and isfinite(v) for v in values):
+                raise ParameterError(f"robot {self.name!r}: {what} must be finite numbers; got {values}")
+        if len(self.grasp_m) != 3:
+            raise ParameterError(f"robot {self.name!r}: grasp_m must be x, y, z; got {self.grasp_m}")
+        for name in (*self.arm, self.hand, self.sensor, self.grasp):
+            if not isinstance(name, str):
+                raise ParameterError(f"robot {self.name!r}: joints, bodies and sites are names; got {name!r}")
+        places: tuple[Site | Sole, ...] = (*self.sites, *self.soles)
+        for place in places:
+            for key, values in vars(place).items():
+                wanted = 6 if key == "xyaxes" else 3
+                if isinstance(values, tuple) and not (
+                    len(values) == wanted and all(isinstance(v, int | float) and isfinite(v) for v in values)
+                ):
+                    raise ParameterError(f"robot {self.name!r}: {key} on {place.body!r} must be {wanted} numbers; got {values}")
 
     def servo_of(self, joint: str) -> Servo:
         for servo in self.servos:
@@ -94,14 +122,19 @@ def load_robot(robot: str | Path | Robot = "hrp2-class") -> Robot:
         raise ParameterError(f"robot {str(robot)!r} is unknown; there are: {', '.join(BUILT_IN)}, or the path of a TOML file")
     try:
         return _robot(path, tomllib.loads(path.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, KeyError, TypeError) as problem:
+    except ParameterError as problem:
+        raise ParameterError(f"{path.name}: {str(problem).removeprefix(path.name + ': ')}") from None
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as problem:  # ValueError: not TOML, not UTF-8
         raise ParameterError(f"{path.name} does not describe a robot: {problem}; compare {BUILT_IN['hrp2-class'].name}") from None
 
 
 def _robot(path: Path, about: dict[str, Any]) -> Robot:
-    folder = path.parent
+    folder, packaged = path.parent, "package" in about
     if package := about.pop("package", ""):
-        spec = find_spec(package)
+        try:
+            spec = find_spec(package)
+        except (ImportError, ValueError, AttributeError):  # a name that no package can have
+            spec = None
         if spec is None or spec.origin is None:
             remedy = f"pip install {package.replace('_', '-')}"
             raise ParameterError(
@@ -113,6 +146,7 @@ def _robot(path: Path, about: dict[str, Any]) -> Robot:
         raise ParameterError(f"{path.name}: model file {model.name!r} is not there")
     return Robot(
         model=model,
+        packaged=packaged,
         arm=tuple(about.pop("arm")),
         grasp_m=tuple(about.pop("grasp_m")),
         servos=tuple(Servo(**each) for each in about.pop("servo")),

@@ -7,14 +7,18 @@ through `xfrc_applied`: force sensors do not see `qfrc_applied`, nor gravity com
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...errors import ParameterError
 from ...interfaces import STANDARD_GRAVITY, Array
-from .robot import Robot
+from .robot import HERE, Robot
 from .simulator import mujoco
 
 PHYSICS_STEP_S = 0.001
@@ -49,20 +53,76 @@ def build(robot: Robot, *, load_mass_kg: float, length_m: float) -> Scene:
     """Compiles `robot` holding a uniform beam. Raises ParameterError naming what the model lacks."""
     if not (load_mass_kg > 2 * FAR_HANDLE_KG and length_m > 0.2):
         raise ParameterError(f"load_mass_kg {load_mass_kg:g}, length_m {length_m:g}; allowed: mass > 0.002 kg, length > 0.2 m")
-    spec = _read(robot)
-    _complete(spec, robot)
-    _set_stage(spec)
-    _give_beam(spec, robot, load_mass_kg, length_m)
-    joints = _hinges(spec, robot)
-    for name in joints:
-        _drive(spec, robot, name)
-    _sense(spec, robot)
-    return _indexed(spec.compile(), robot, joints, load_mass_kg)
+    try:
+        spec = _read(robot)
+        _complete(spec, robot)
+        _set_stage(spec)
+        _give_beam(spec, robot, load_mass_kg, length_m)
+        joints = _hinges(spec, robot)
+        for name in joints:
+            _drive(spec, robot, name)
+        _sense(spec, robot)
+        return _indexed(spec.compile(), robot, joints, load_mass_kg)
+    except (ValueError, mujoco().FatalError, ElementTree.ParseError, OSError) as problem:
+        if isinstance(problem, ParameterError):
+            raise
+        raise ParameterError(
+            f"robot {robot.name!r}: {robot.model.name} is no model that compiles: {_in_one_line(problem)}"
+        ) from None
+
+
+def ranges_of(model: Any, joints: Sequence[str]) -> Array:
+    """(J, 2) lowest and highest angle of each joint [rad]; infinite for one that turns on and on."""
+    ids = [model.joint(name).id for name in joints]
+    limited = model.jnt_limited[ids].astype(bool)
+    return np.where(limited[:, None], model.jnt_range[ids], [-np.inf, np.inf])
+
+
+# What a process does that may die: MuJoCo ends its own on some models that are malformed.
+_TRY = """
+import sys, mujoco
+text = sys.stdin.buffer.read().decode("utf-8")
+spec = mujoco.MjSpec.from_string(text) if text else mujoco.MjSpec.from_file(sys.argv[1])
+spec.compile()
+"""
+PATIENCE_S = 60.0
+
+
+@lru_cache(maxsize=64)
+def _survives(path: str, text: str, changed: tuple[int, int]) -> str:
+    """What MuJoCo says against a model, by file or as text, in a process of its own; empty when nothing."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-I", "-c", _TRY, path], input=text.encode(), capture_output=True, timeout=PATIENCE_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return f"MuJoCo has not read it within {PATIENCE_S:g} s"
+    if done.returncode == 0:
+        return ""
+    if done.returncode < 0:
+        return f"MuJoCo dies of it (signal {-done.returncode}): it is malformed"
+    said = done.stderr.decode(errors="replace").strip().splitlines()
+    errors = [i for i, line in enumerate(said) if line.startswith(("ValueError:", "mujoco.FatalError:"))]
+    return _in_one_line("\n".join(said[errors[-1] :] if errors else said[-1:])).removeprefix("ValueError: ")
+
+
+def _in_one_line(problem: object) -> str:
+    return " ".join(str(problem).split())[:300]
+
+
+def _checked(robot: Robot, text: str) -> None:
+    """Of a model from elsewhere; what comes with comanip or an installed package has been read before."""
+    if robot.model.parent == HERE or robot.packaged:
+        return
+    about = robot.model.stat()
+    if problem := _survives(str(robot.model), text, (about.st_mtime_ns, about.st_size)):
+        raise ParameterError(f"robot {robot.name!r}: {robot.model.name} is no model that MuJoCo reads: {problem}")
 
 
 def _read(robot: Robot) -> Any:
     spec_of = mujoco().MjSpec
     if robot.geometry:
+        _checked(robot, "")
         return spec_of.from_file(str(robot.model))
     root = ElementTree.parse(robot.model).getroot()
     for parent in list(root.iter()):
@@ -71,7 +131,9 @@ def _read(robot: Robot) -> Any:
                 parent.remove(child)
     if root.tag == "robot":  # URDF: keep the bodies of fixed joints and what is only to be seen
         ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", fusestatic="false", discardvisual="false")
-    return spec_of.from_string(ElementTree.tostring(root, encoding="unicode"))
+    text = ElementTree.tostring(root, encoding="unicode")
+    _checked(robot, text)
+    return spec_of.from_string(text)
 
 
 def _body(spec: Any, robot: Robot, name: str) -> Any:
