@@ -115,7 +115,7 @@ class Tires(Habit):
 class _Swings(Habit):
     """The body moves to and fro, and the hand with it as far as the arm is stiff."""
 
-    hertz, metres, upward = (0.3, 0.5), (0.004, 0.010), 0.0
+    hertz, metres, upward = (0.3, 0.5), (0.003, 0.008), 0.0
 
     def draw(self) -> None:
         self.omega, self.size = 2.0 * pi * float(self.rng.uniform(*self.hertz)), float(self.rng.uniform(*self.metres))
@@ -131,7 +131,7 @@ class _Swings(Habit):
 
 
 class Sways(_Swings):
-    """0.3-0.5 Hz, 4-10 mm at the hand, as people do who stand."""
+    """0.3-0.5 Hz, 3-8 mm at the hand, as people do who stand."""
 
 
 class Walks(_Swings):

@@ -140,8 +140,8 @@ KINDS: dict[str, Kind] = {
     "child": Kind("weak (15 N), light, soft", "Forssberg et al. 1991", JUDGING, BOTH, body=_child),
     "quick": Kind("answers a pull within 30 ms", "Pruszynski et al. 2011: long-latency reflex", TUNING, FOLLOWS, body=_quick),
     # ---- what it does besides
-    "sways": Kind("0.3-0.5 Hz, 4-10 mm", "Winter 1995", TUNING, BOTH, habits=(h.Sways,),
-                  criteria={"ripple_m_per_s": 0.035, "end_m": 0.04, "residual_n": 5.0}),
+    "sways": Kind("0.3-0.5 Hz, 3-8 mm", "Winter 1995", TUNING, BOTH, habits=(h.Sways,),
+                  criteria={"ripple_m_per_s": 0.03, "end_m": 0.04, "residual_n": 5.0, "time_s": inf}),
     "walks": Kind("bobs 4-10 mm at 2 Hz as it goes", "Gard et al. 2004", JUDGING, BOTH, habits=(h.Walks,),
                   criteria={"peak_n": 25.0, "vibration_n": 1.5, "residual_n": 6.0}),
     "steps on the spot": Kind("3-6 mm at 1.3-1.8 Hz for 2 s", "Winter 1995: weight shift", TUNING, BOTH, habits=(h.Steps,),
