@@ -138,3 +138,15 @@ def test_axes_do_not_know_of_each_other():
         _, _, _, force = played(alone, seconds=1.5, motion=lambda t: 0.0)
         np.testing.assert_allclose(np.array(one)[:, axis], force, atol=0.5)
         assert abs(force[-1] - carried) > 5.0
+
+
+@pytest.mark.parametrize("kind", ["plain", "Hill muscles", "optimal feedback", "child"])
+def test_the_quick_way_of_one_axis_is_the_same_to_the_last_bit(kind):
+    forces = []
+    for slow in (False, True):
+        rng, course = np.random.default_rng(4), Course(((0.3, 1.0, (0.2,)),))
+        person = make(kind, role="leading", course=course, body=Body(), axes=("z",), rng=rng)
+        if slow:
+            person.force = person._force
+        forces.append(played(person, seconds=1.5)[3])
+    np.testing.assert_array_equal(*forces)

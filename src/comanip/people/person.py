@@ -125,6 +125,21 @@ class Person:
         self.mind.begin()
 
     def force(self, time: float, position: Array, velocity: Array, out: Array) -> None:
+        if self._d == 1 and not self.habits:
+            self._force_along_one(time, float(position[0]), float(velocity[0]), out)
+        else:
+            self._force(time, position, velocity, out)
+
+    def _force_along_one(self, time: float, position: float, velocity: float, out: Array) -> None:
+        """The same as `_force` without lists, for the commonest people: one axis, and no habits."""
+        hand, (carried,), most = self.hand, self.body.carried_n, self.body.force_limit_n
+        (pull,) = self.mind.pull(time, hand.position, hand.velocity, (hand.felt[0] - carried,))
+        f = carried + pull
+        f += self._noise[0].sample(f)
+        hand.step((f if -most < f < most else most if f > 0.0 else -most,), (position - self._origin[0],), (velocity,))
+        out[0] = hand.felt[0]
+
+    def _force(self, time: float, position: Array, velocity: Array, out: Array) -> None:
         v, hand, body = velocity.tolist(), self.hand, self.body
         x = [p - o for p, o in zip(position.tolist(), self._origin, strict=True)]
         felt = [f - c for f, c in zip(hand.felt, body.carried_n, strict=True)]
