@@ -142,7 +142,7 @@ def reproduce(
             raise ParameterError(f"{path}: the skill states no role; pass --role leader or --role follower")
         case = draw_case(acting, np.random.default_rng(seed))
         if acting == "auto":
-            skill = make_auto({one.role: one for one in skills.values()}, axes=learned.axes, dt=dt)
+            skill = make_auto({one.role: one for one in skills.values()}, axes=learned.axes, dt=dt, law=law)
         else:
             skill = make_skill(learned, axes=learned.axes, dt=dt, law=law, role=acting)
         start = float(np.mean(learned.workspace @ [0.75, 0.25]))  # where the lessons started: W is their range, half wider
