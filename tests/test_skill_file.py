@@ -34,7 +34,7 @@ def test_every_kind_of_damage_is_refused_with_the_file_and_a_reason(skills, tmp_
     nan = {**content["model"], "initial": [float("nan")] * 10}
     broken = {
         "not a skill file": ["", "{", "[1, 2]", "\x80\x04pickle", "<html>", "{}", '{"format": "other"}', "[" * 100_000],
-        "version": [damaged(content, version=2), damaged(content, version="x")],
+        "version": [damaged(content, version=0), damaged(content, version="x"), damaged(content, version=True)],
         "update comanip": [damaged(content, version=7)],
         "unknown fields": [damaged(content, extra=1)],
         "missing fields": [json.dumps({k: v for k, v in content.items() if k != "clock"})],

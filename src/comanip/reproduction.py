@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from .errors import MismatchError, ParameterError
 from .interfaces import Skill
 from .learned.skill import LearnedSkill, check_fits
 
 if TYPE_CHECKING:
+    from .interfaces import Array
     from .safety.envelope import Limits
     from .skills.collaborate import CollaborativeLaw
+    from .skills.reference import PhaseReference
     from .skills.roles import RolePolicy
+
+PULL_N = 10.0  # of work along the way that a task may ask for
 
 
 def make_skill(
@@ -24,6 +31,7 @@ def make_skill(
     role: str | None = None,
     envelope: bool | Limits = True,
     gives_way: bool = True,
+    goal: int | Array | None = None,
     **settings: Any,
 ) -> Skill:
     """The skill that runs `learned` on a robot with these axes and control period [s].
@@ -33,10 +41,26 @@ def make_skill(
     envelope  the safety envelope around it (docs/safety.md): on, off, or on with these Limits
     gives_way whether a leader under the default law gives way to a partner who insists; False only where nobody is: recorded
               force that is played back cannot answer
+    goal      where the lessons had several: its number as `learn` says it, from 1, or a position (d,) [m] near it;
+              None: a follower infers it, a leader takes the one of most lessons
     settings  of the law, on top of the stored ones
     """
-    skill = _law(learned, axes=axes, dt=dt, law=law, role=role, gives_way=gives_way, settings=settings)
-    return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=None if envelope is True else envelope)
+    skill = _law(learned, axes=axes, dt=dt, law=law, role=role, gives_way=gives_way, goal=goal, settings=settings)
+    return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=_limits(learned, envelope))
+
+
+def _limits(learned: LearnedSkill, envelope: bool | Limits) -> Limits:
+    """Those that were given; else the default ones, with the work that the longest of the taught paths may ask for.
+
+    One lift of 0.3 m has 3 J, 10 N over its way (docs/safety.md); five turns of a crank are ten times that way.
+    """
+    from .safety.envelope import Limits
+
+    if not isinstance(envelope, bool):
+        return envelope
+    usual = Limits()
+    work_j = PULL_N * max((path.length_m for path in learned.paths), default=0.0)
+    return replace(usual, energy_j=max(usual.energy_j, work_j))
 
 
 def make_auto(
@@ -44,44 +68,95 @@ def make_auto(
     *,
     axes: tuple[str, ...],
     dt: float,
+    law: str | None = None,
     envelope: bool | Limits = True,
     policy: RolePolicy | None = None,
+    goal: int | Array | None = None,
 ) -> Skill:
-    """A skill that finds out by itself whether to lead or to follow.
+    """A skill that finds out by itself whether to lead or to follow. Settings stored with the skills count, each for its role.
 
     learned   by role: "leader" and "follower", and "natural" if there are such lessons
-    policy    when it takes over and gives way; see `skills.roles.RolePolicy`
+    law       "default", the only one that can do without being told; None takes the skills' own, and refuses "paper"
+    policy    when it takes over and gives way; default: `skills.roles.RolePolicy.taught`, as patient as lessons ask
+    goal      as for `make_skill`
     """
     from .skills.collaborate import CollaborativeLaw
-    from .skills.roles import RoleEvidence
+    from .skills.roles import RoleEvidence, RolePolicy
 
     if missing := [role for role in ("leader", "follower") if role not in learned]:
         raise ParameterError(f"role 'auto' needs skills of both roles; missing: {', '.join(missing)}")
     for one in learned.values():
         check_fits(one, axes=axes, dt=dt)
+    chosen = {role: law or learned[role].law for role in ("leader", "follower")}
+    for role, name in chosen.items():
+        if name != "default":
+            whose = "" if law else f" (the {role}'s skill was learned for it)"
+            raise ParameterError(f"law {name!r} has to be told its role{whose}; role 'auto' works with law 'default'")
+    laws = {role: CollaborativeLaw.for_role(role, **_stored(learned[role], "default")) for role in chosen}
     models = {role: learned[role].model for role in ("leader", "follower", "natural") if role in learned}
     evidence = RoleEvidence(models, dt=learned["leader"].dt)
-    skill = _role_skill(learned["leader"], CollaborativeLaw.for_role("leader"), axes, dt, evidence=evidence, policy=policy)
-    return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=None if envelope is True else envelope)
+    policy = policy or RolePolicy.taught(references_of(learned["leader"]), learned["follower"].onsets_s)
+    skill = _role_skill(
+        learned["leader"], laws["leader"], axes, dt, following=laws["follower"], evidence=evidence, policy=policy, goal=goal
+    )
+    return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=_limits(learned["leader"], envelope))
 
 
-def _role_skill(learned: LearnedSkill, law: CollaborativeLaw, axes: tuple[str, ...], dt: float, **about: Any) -> Skill:
-    from .skills.collaborate import CollaborativeLaw, Watch
+def references_of(learned: LearnedSkill) -> tuple[PhaseReference, ...]:
+    """The path to each goal, as a law runs it; of a skill of an older version the one that its clock expects."""
     from .skills.reference import PhaseReference
+
+    if learned.paths:
+        return tuple(PhaseReference.taught(path) for path in learned.paths)
+    if learned.clock is None:
+        raise MismatchError("the default law needs states in order of time: learn with topology left-right")
+    return (PhaseReference.learned(learned.clock, learned.ends.mean(axis=0)),)
+
+
+def goal_of(learned: LearnedSkill, goal: int | Array | None) -> int | None:
+    """Index of the path that `goal`, a number from 1 or a position (d,) [m], means."""
+    if goal is None:
+        return None
+    n = max(len(learned.paths), 1)
+    place = np.asarray(goal, dtype=float)
+    if place.ndim == 0:
+        if float(place) not in range(1, n + 1):
+            raise ParameterError(f"goal {goal} is unknown; the lessons have {n}: give a number from 1 to {n}, or a position")
+        return int(place) - 1
+    if place.shape != (len(learned.axes),) or not np.isfinite(place).all():
+        raise ParameterError(f"a goal is a number or a position on the axes {', '.join(learned.axes)} [m]; got {goal!r}")
+    return int(np.argmin([np.linalg.norm(path.ends.mean(axis=0) - place) for path in learned.paths])) if learned.paths else 0
+
+
+def _stored(learned: LearnedSkill, law: str) -> dict[str, Any]:
+    """Settings that were stored with the skill, if they are of this law."""
+    return dict(learned.settings) if learned.law == law else {}
+
+
+def _role_skill(
+    learned: LearnedSkill,
+    law: CollaborativeLaw,
+    axes: tuple[str, ...],
+    dt: float,
+    *,
+    goal: int | Array | None,
+    following: CollaborativeLaw | None = None,
+    policy: RolePolicy | None = None,
+    **about: Any,
+) -> Skill:
+    from .skills.collaborate import CollaborativeLaw, Watch
     from .skills.roles import RolePolicy, RoleSkill
 
-    if learned.clock is None:
-        raise MismatchError("leading needs states in order of time: learn with topology left-right")
-    policy = about.pop("policy", None) or RolePolicy()
+    references = references_of(learned)
     return RoleSkill(
         Watch(learned.model, learned.dt, dt),
-        PhaseReference.learned(learned.clock, learned.ends.mean(axis=0)),
-        learned.ends,
+        references,
         leading=law,
-        following=CollaborativeLaw.for_role("follower"),
+        following=following or CollaborativeLaw.for_role("follower"),
         axes=axes,
         dt=dt,
-        policy=policy,
+        policy=policy or RolePolicy.taught(references, learned.onsets_s),
+        goal=goal_of(learned, goal),
         **about,
     )
 
@@ -101,11 +176,12 @@ def _law(
     law: str | None,
     role: str | None,
     gives_way: bool,
+    goal: int | Array | None,
     settings: dict[str, Any],
 ) -> Skill:
     check_fits(learned, axes=axes, dt=dt, role=role)
-    stored = dict(learned.settings) if law in (None, learned.law) else {}
-    law, settings = law or learned.law, {**stored, **settings}
+    law = law or learned.law
+    settings = {**_stored(learned, law), **settings}
     if law == "paper":
         from .skills.paper import PaperSkill, law_from
 
@@ -115,15 +191,16 @@ def _law(
     from .skills.collaborate import CollaborativeLaw, CollaborativeSkill
 
     role = role or learned.role
+    compliant = CollaborativeLaw.for_role(role, **settings)
     if role == "leader" and gives_way:
-        return _role_skill(learned, CollaborativeLaw.for_role(role, **settings), axes, dt, leads=True)
+        return _role_skill(learned, compliant, axes, dt, goal=goal, leads=True)
     return CollaborativeSkill(
         learned.model,
-        learned.clock,
+        references_of(learned),
         role=role,
         axes=axes,
         dt=dt,
         model_dt=learned.dt,
-        law=CollaborativeLaw.for_role(role, **settings),
-        end=learned.ends.mean(axis=0),
+        law=compliant,
+        goal=goal_of(learned, goal),
     )

@@ -10,9 +10,8 @@ import pytest
 from comanip.errors import MismatchError, ParameterError
 from comanip.interfaces import Command, Observation
 from comanip.learned.skill import learn
-from comanip.reproduction import make_skill
+from comanip.reproduction import make_skill, references_of
 from comanip.skills.collaborate import CollaborativeLaw
-from comanip.skills.reference import PhaseReference
 from comanip.trials import draw_case, judge, run_case, run_cases, success_interval
 
 PARTNERS = 25
@@ -64,8 +63,7 @@ def test_a_leader_repeats_the_same_lift_from_other_starts(skills):
         assert ends.min() - 0.02 <= recording["hand.position"].values[-1, 0] <= ends.max() + 0.02
 
 
-@pytest.mark.parametrize("role", ["leader", "follower"])
-@pytest.mark.parametrize("offset", [-0.5, -0.15, 0.5])
+@pytest.mark.parametrize(("role", "offset"), [("leader", -0.5), ("leader", 0.5), *[("follower", x) for x in (-0.5, -0.15, 0.5)]])
 def test_C10_a_start_outside_the_lessons_is_said_and_only_complied_with(skills, role, offset):
     start = (0.85 if offset < 0 else float(skills[role].ends.max())) + offset
     case = replace(draw_case(role, np.random.default_rng(6)), onset_s=30.0, tremor_n=0.0)
@@ -95,7 +93,7 @@ def test_C19_a_skill_of_another_robot_refuses_to_arm(skills):
         (replace(learned, units={"position": "mm", "force": "N", "velocity": "m/s"}), {}, "position is in 'mm'"),
         (replace(learned, model=renamed), {}, "channels are position.y"),
         (replace(learned, model=extra), {}, "torque.z"),
-        (replace(learned, clock=None), {}, "order of time"),
+        (replace(learned, clock=None, paths=()), {}, "order of time"),
         (replace(learned, role=""), {}, "needs a role"),
     ]
     for skill, change, said in wrong:
@@ -105,7 +103,8 @@ def test_C19_a_skill_of_another_robot_refuses_to_arm(skills):
 
 def test_the_reference_starts_and_ends_where_the_lessons_did(skills, lessons):
     for role in ("leader", "follower"):
-        reference = PhaseReference.learned(skills[role].clock, skills[role].ends.mean(axis=0))
+        reference, *others = references_of(skills[role])
+        assert not others
         starts = np.array([lesson.position[0, 0] for lesson in lessons[role][:5]])
         assert reference.position[0, 0] == pytest.approx(starts.mean(), abs=0.02)
         assert reference.position[-1, 0] == pytest.approx(skills[role].ends.mean(), abs=0.02)

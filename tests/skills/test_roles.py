@@ -210,7 +210,7 @@ def test_told_to_lead_it_gives_way_to_who_insists(skills):
 def test_who_keeps_his_place_is_asked_once_or_twice_where_it_began_and_then_no_more(skills, made):
     """Only if he has moved: nobody means anything by resting where he began, so patience there is for the first offer."""
     skill = made(skills)
-    stop = 1.4 if made is told_to_lead else 8.4
+    stop = 1.7 if made is told_to_lead else 8.4
     x = carry(skill, stays_from(stop), stop + 60.0)
     after = [said for tick, said in skill.changes if tick * DT > stop + 1.0]
     assert after.count(PROBES) == (1 if made is told_to_lead else POLICY.offers_at_start)

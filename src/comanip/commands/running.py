@@ -159,7 +159,7 @@ def reproduce(
             raise ParameterError(f"{path}: the skill states no role; pass --role leader or --role follower")
         case = draw_case(acting, np.random.default_rng(seed), task=what)
         if acting == "auto":
-            skill = make_auto({one.role: one for one in skills.values()}, axes=learned.axes, dt=dt)
+            skill = make_auto({one.role: one for one in skills.values()}, axes=learned.axes, dt=dt, law=law)
         else:
             skill = make_skill(learned, axes=learned.axes, dt=dt, law=law, role=acting)
         start = _lessons_start(learned, what)

@@ -25,25 +25,44 @@ typedef struct { /* RoleEvidence */
 
 enum { BANK_DT, BANK_CHANGE, BANK_MEMORY, BANK_GATE };
 
+typedef struct { /* PhaseReference: one goal's path, (rows, d) each; way (rows) */
+    int rows;
+    double step_s, duration_s, top_speed, slack;
+    const double *path, *velocity, *force, *way;
+} Table;
+
+typedef struct { /* Whereabouts: `stations` rows of 3 d + 5 numbers; goal g has those from first[g] to first[g + 1] */
+    int stations, width;
+    const double *rows, *first;
+    double *p, *offset, *until, *goal, *phase, *goals;
+    double *moved, *said; /* room for one sample */
+} Where;
+
 typedef struct {
-    int d, rows;
-    double dt, model_dt, step_s, duration_s, top_speed, pull_share, bias_share, keep_shake;
+    int d, n_goals;
+    double dt, model_dt, pull_share, bias_share, keep_shake;
     Numbers law, following;
     Policy policy;
     Bank bank;
-    const double *task; /* RoleSkill._task: where lessons end, and the direction */
-    const double *path, *velocity_table, *force_table; /* PhaseReference, (rows, d) each */
-    double *compliance, *slow, *shake, *went_on;       /* Compliance.memory */
-    double *expected, *wanted, *hold, *clock;          /* Pace.memory; clock: phase, rate, resistance */
-    double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock, *rest_s, *moved,
-        *against_s, *held_s;                           /* of the skill */
-    double *until, *seen;                              /* of Watch */
+    Table *tables;
+    Where where;
+    double *compliance, *slow, *shake, *went_on;  /* Compliance.memory */
+    double *expected, *wanted, *offset, *clock;   /* Pace.memory */
+    double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock, *rest_s, *moved, *against_s,
+        *held_s, *told;                           /* of the skill */
+    double *until, *seen;                         /* of Watch */
     Tick *filter;
     const Level *level;
 } Law;
 
-enum { PHASE, RATE, RESISTANCE };
+enum { PHASE, RATE, RESISTANCE, WAITS, FADED, FADING, LED, EASING, GOAL, CLOCKS }; /* Pace.clock */
+enum { AT_PHASE, SPACING, DOUBT, BREADTH, LOG_BREADTH, STATION };                 /* Whereabouts.stations, after 3 d vectors */
 #define ABSURD 1e6 /* no robot is so far away, so fast or so strong, in any unit */
+#define WHERE_PERIOD 0.02
+#define WHERE_MEMORY 0.2
+#define WHERE_GATE 10.0
+#define ASTRAY 1e-6
+#define WHERE_SLIPS 0.1
 
 static double least(double a, double b) { return b < a ? b : a; }
 static double most(double a, double b) { return b > a ? b : a; }
@@ -70,52 +89,146 @@ static int all_finite(const double *a, int d) {
 }
 
 /* PhaseReference.floats_at */
-static void row_at(const Law *l, const double *table, double phase, double *out) {
-    const int d = l->d;
-    const double place = within(phase / l->step_s, 0.0, (double)(l->rows - 1));
-    const int n = (int)place < l->rows - 2 ? (int)place : l->rows - 2;
+static void row_at(const Table *t, const double *table, int d, double phase, double *out) {
+    const double place = within(phase / t->step_s, 0.0, (double)(t->rows - 1));
+    const int n = (int)place < t->rows - 2 ? (int)place : t->rows - 2;
     const double share = place - n;
     for (int i = 0; i < d; i++) out[i] = (1.0 - share) * table[n * d + i] + share * table[(n + 1) * d + i];
 }
 
+/* PhaseReference.remaining_m */
+static double remaining(const Table *t, double phase) {
+    double gone;
+    row_at(t, t->way, 1, phase, &gone);
+    return t->way[t->rows - 1] - gone;
+}
+
 /* PhaseReference.closest, within 0.15 s */
-static double closest(const Law *l, const double *position, double near) {
-    const int d = l->d;
-    int low = (int)most((near - 0.15) / l->step_s, 0.0);
-    int high = (int)least((near + 0.15) / l->step_s, (double)l->rows) + 2;
-    if (high > l->rows) high = l->rows;
+static double closest(const Table *t, int d, const double *position, double near) {
+    int low = (int)most((near - 0.15) / t->step_s, 0.0);
+    int high = (int)least((near + 0.15) / t->step_s, (double)t->rows) + 2;
+    if (high > t->rows) high = t->rows;
     if (low > high - 1) low = high - 1;
     int best = low;
     double smallest = INFINITY;
     for (int n = low; n < high; n++) {
         double apart = 0.0;
         for (int i = 0; i < d; i++) {
-            const double off = l->path[n * d + i] - position[i];
+            const double off = t->path[n * d + i] - position[i];
             apart += off * off;
         }
         if (apart < smallest) smallest = apart, best = n;
     }
-    return best * l->step_s;
+    return best * t->step_s;
 }
+
+/* Whereabouts._moved and _sample */
+static void sample(const Law *l, const double *x, const double *v) {
+    const Where *w = &l->where;
+    const int d = l->d, n = w->stations;
+    const double fresh = ASTRAY / n, worth = WHERE_PERIOD / WHERE_MEMORY, speed = length(v, d);
+    for (int m = 0; m < n; m++) w->moved[m] = fresh;
+    for (int g = 0; g < l->n_goals; g++) {
+        const int low = (int)w->first[g], high = (int)w->first[g + 1] - 1;
+        for (int m = low; m <= high; m++) {
+            const double *row = w->rows + m * w->width;
+            const double on = within(dot(v, row + 2 * d, d) * WHERE_PERIOD / row[3 * d + SPACING], -1.0, 1.0);
+            const double slips = least(WHERE_SLIPS * speed * WHERE_PERIOD / row[3 * d + SPACING], 0.25);
+            double goes = (1.0 - ASTRAY) * w->p[m];
+            const double slipped = goes * slips;
+            w->moved[m + 1 < high ? m + 1 : high] += slipped;
+            w->moved[m - 1 > low ? m - 1 : low] += slipped;
+            goes *= 1.0 - 2.0 * slips;
+            if (on >= 0.0) {
+                w->moved[m + 1 < high ? m + 1 : high] += goes * on;
+                w->moved[m] += goes * (1.0 - on);
+            } else {
+                w->moved[m - 1 > low ? m - 1 : low] -= goes * on;
+                w->moved[m] += goes * (1.0 + on);
+            }
+        }
+    }
+    const int moves = speed > 0.02;
+    double best = -INFINITY, total = 0.0;
+    for (int m = 0; m < n; m++) {
+        const double *row = w->rows + m * w->width, *about = row + 3 * d;
+        double far = 0.0, fast = 0.0;
+        for (int i = 0; i < d; i++) far += (x[i] - row[i]) * (x[i] - row[i]);
+        for (int i = 0; i < d; i++) fast += (v[i] - row[d + i]) * (v[i] - row[d + i]);
+        w->said[m] = -0.5 * (far / (about[DOUBT] * about[DOUBT]));
+        if (moves) w->said[m] = w->said[m] - 0.5 * (fast / (about[BREADTH] * about[BREADTH])) - about[LOG_BREADTH];
+        best = most(best, w->said[m]);
+    }
+    for (int m = 0; m < n; m++) {
+        w->moved[m] = w->moved[m] * exp(most(w->said[m] - best, -WHERE_GATE) * worth);
+        total += w->moved[m];
+    }
+    for (int m = 0; m < n; m++) w->p[m] = w->moved[m] / total;
+}
+
+/* Whereabouts.step, of finite numbers */
+static void locate(Law *l, const double *position, const double *velocity) {
+    Where *w = &l->where;
+    const int d = l->d;
+    double x[MOST_AXES], v[MOST_AXES];
+    *w->until -= l->dt;
+    if (*w->until > 1e-9) return;
+    for (int i = 0; i < d; i++) x[i] = within(position[i] - w->offset[i], -ABSURD, ABSURD), v[i] = within(velocity[i], -ABSURD, ABSURD);
+    while (*w->until <= 1e-9) {
+        *w->until += WHERE_PERIOD;
+        sample(l, x, v);
+    }
+    int goal = (int)*w->goal;
+    for (int g = 0; g < l->n_goals; g++) {
+        double total = 0.0;
+        for (int m = (int)w->first[g]; m < (int)w->first[g + 1]; m++) total += w->p[m];
+        w->goals[g] = total;
+    }
+    for (int g = 0; g < l->n_goals; g++)
+        if (w->goals[g] > w->goals[goal] + 0.1) goal = g;
+    *w->goal = goal;
+    int best = (int)w->first[goal];
+    for (int m = best + 1; m < (int)w->first[goal + 1]; m++)
+        if (w->p[m] > w->p[best]) best = m;
+    *w->phase = closest(l->tables + goal, d, x, w->rows[best * w->width + 3 * d + AT_PHASE]);
+}
+
+/* collaborate._left, _leaving */
+static double left_of(double u) { return 1.0 - u * u * u * (10.0 + u * (-15.0 + 6.0 * u)); }
+static double leaving(double u) { return -(u * u * (30.0 + u * (-60.0 + 30.0 * u))); }
 
 /* Pace.step */
 static void pace(Law *l, const double *x, const double *force) {
     const Numbers *law = &l->law;
     const int d = l->d;
-    const double s = l->clock[PHASE];
-    const int begun = s >= 0.0, moving = begun && s < l->duration_s;
+    double *c = l->clock;
+    const Table *t = l->tables + (int)c[GOAL];
+    const double s = c[PHASE];
+    const int begun = c[WAITS] <= 0.0, on_path = begun && s < t->duration_s, fades = begun && c[FADED] < c[FADING];
+    const double left = c[FADED] < c[FADING] ? left_of(c[FADED] / c[FADING]) : 0.0;
+    const double fading = fades ? leaving(c[FADED] / c[FADING]) / c[FADING] : 0.0;
     double target[MOST_AXES], taught[MOST_AXES] = {0}, felt[MOST_AXES] = {0}, error[MOST_AXES];
-    if (begun) row_at(l, l->path, s, target), row_at(l, l->force_table, s, felt);
-    else memcpy(target, l->hold, sizeof(double) * d);
-    if (moving) row_at(l, l->velocity_table, s, taught);
+    row_at(t, t->path, d, s, target);
+    if (on_path) row_at(t, t->velocity, d, s, taught);
+    if (begun) row_at(t, t->force, d, s, felt);
+    for (int i = 0; i < d; i++) target[i] = target[i] + left * l->offset[i], taught[i] = taught[i] + fading * l->offset[i];
     const double speed = length(taught, d), along = speed > 1e-6 ? dot(force, taught, d) / speed : 0.0;
     const double excess = least(along + law->comfortable, 0.0);
-    l->clock[RESISTANCE] += least(l->dt / law->patience, 1.0) * (excess - l->clock[RESISTANCE]);
-    const double rate = moving ? most(1.0 + law->yield_gain * l->clock[RESISTANCE], law->slowest_clock) : 1.0;
-    l->clock[RATE] = rate;
-    l->clock[PHASE] = least(s + l->dt * rate, l->duration_s);
+    c[RESISTANCE] += least(l->dt / law->patience, 1.0) * (excess - c[RESISTANCE]);
+    double rate = on_path || fades ? most(1.0 + law->yield_gain * c[RESISTANCE], law->slowest_clock) : 1.0;
+    if (c[LED] < c[EASING]) {
+        const double ease = c[LED] / c[EASING];
+        rate *= ease * ease * (3.0 - 2.0 * ease);
+    }
+    if (speed > t->top_speed) rate *= t->top_speed / speed;
     for (int i = 0; i < d; i++) error[i] = target[i] - x[i];
-    const double asked = length(error, d) * law->attraction, share = asked > 1e-9 ? least(1.0, l->top_speed / asked) : 1.0;
+    const double on = begun ? l->dt * rate : 0.0;
+    c[RATE] = rate;
+    c[PHASE] = least(s + on, t->duration_s);
+    c[FADED] += on;
+    c[LED] += begun ? l->dt : 0.0;
+    c[WAITS] = most(c[WAITS] - l->dt, 0.0);
+    const double asked = length(error, d) * law->attraction, share = asked > 1e-9 ? least(1.0, t->top_speed / asked) : 1.0;
     for (int i = 0; i < d; i++) {
         l->expected[i] = rate * felt[i];
         l->wanted[i] = rate * taught[i] + law->attraction * (error[i] * share);
@@ -126,49 +239,56 @@ static void pace(Law *l, const double *x, const double *force) {
 static void anticipate(Law *l, const double *x, const double *force, double *foreseen) {
     const Numbers *law = &l->law;
     const int d = l->d;
-    double taught[MOST_AXES], now[MOST_AXES], ahead[MOST_AXES], heading[MOST_AXES];
-    for (int i = 0; i < d; i++) taught[i] = x[i] - l->start[i] + l->path[i], foreseen[i] = 0.0;
-    const double before = l->shown_clock[PHASE], s = closest(l, taught, before), speed = length(l->compliance, d);
+    double now[MOST_AXES], ahead[MOST_AXES];
+    for (int i = 0; i < d; i++) foreseen[i] = 0.0;
+    locate(l, x, l->compliance);
+    const Table *t = l->tables + (int)*l->where.goal;
+    const double before = l->shown_clock[PHASE], s = *l->where.phase, speed = length(l->compliance, d);
     l->shown_clock[RATE] = (s - before) / l->dt;
     l->shown_clock[PHASE] = s;
     if (speed < 0.02) return;
-    row_at(l, l->velocity_table, s, now);
+    row_at(t, t->velocity, d, s, now);
     const double usual = most(length(now, d), 0.03);
-    row_at(l, l->velocity_table, s + law->anticipation_s * least(speed / usual, 2.0), ahead);
-    for (int i = 0; i < d; i++) heading[i] = l->compliance[i] / speed;
-    double agreement = within((dot(force, heading, d) + 1.0) / 2.0, 0.0, 1.0);
+    row_at(t, t->velocity, d, s + law->anticipation_s * least(speed / usual, 2.0), ahead);
+    const double along = dot(force, l->compliance, d) / speed;
+    double agreement = within((along + 1.0) / 2.0, 0.0, 1.0);
+    agreement *= most(dot(now, l->compliance, d), 0.0) / most(length(now, d) * speed, 1e-9);
     agreement *= least(speed / law->moving_speed, 1.0);
     const double scale = least(speed / usual, 1.5);
-    for (int i = 0; i < d; i++)
-        foreseen[i] = law->anticipation * agreement * within((ahead[i] - now[i]) / law->anticipation_s * scale, -1.0, 1.0);
+    for (int i = 0; i < d; i++) foreseen[i] = (ahead[i] - now[i]) / law->anticipation_s * scale;
+    agreement *= law->anticipation / most(length(foreseen, d), 1.0);
+    for (int i = 0; i < d; i++) foreseen[i] = agreement * foreseen[i];
 }
 
 /* Compliance.step */
 static void comply(Law *l, const Numbers *law, const double *excess, const double *reference, const double *feedforward) {
     const int d = l->d;
     const double keep_slow = 1.0 - exp(-2.0 * PI * law->shake_hz * l->dt);
-    const double speed = most(largest(l->compliance, d), largest(reference, d)), rest = 1.0 - least(speed / law->moving_speed, 1.0);
-    double damping = law->moving_damping + rest * rest * (law->resting_damping - law->moving_damping), fast = 0.0;
+    const double speed = most(length(l->compliance, d), length(reference, d)), rest = 1.0 - least(speed / law->moving_speed, 1.0);
+    double damping = law->moving_damping + rest * rest * (law->resting_damping - law->moving_damping), apart[MOST_AXES];
     for (int i = 0; i < d; i++) {
         l->slow[i] += keep_slow * (excess[i] - l->slow[i]);
-        fast = most(fast, fabs(excess[i] - l->slow[i]));
+        apart[i] = excess[i] - l->slow[i];
     }
+    const double fast = least(length(apart, d), ABSURD);
     *l->shake += l->keep_shake * (fast - *l->shake);
     const double amplitude = most(1.57 * *l->shake - law->shake_n, 0.0);
     *l->went_on += l->dt * (law->shake_growth * amplitude - *l->went_on / law->shake_memory);
     damping += law->shake_damping * (amplitude + *l->went_on);
-    const double dead = law->dead_zone * rest, share = l->dt / law->mass;
-    for (int i = 0; i < d; i++) {
-        const double push = copysign(most(fabs(excess[i]) - dead, 0.0), excess[i]);
-        l->compliance[i] = (l->compliance[i] + share * push + l->dt * feedforward[i]) / (1.0 + share * damping);
-    }
+    const double dead = law->dead_zone * rest, share = l->dt / law->mass, size = length(excess, d);
+    const double felt = size > dead ? 1.0 - dead / size : 0.0;
+    for (int i = 0; i < d; i++)
+        l->compliance[i] = (l->compliance[i] + share * (excess[i] * felt) + l->dt * feedforward[i]) / (1.0 + share * damping);
 }
 
 /* command_velocity; `out` is position, velocity, acceleration. */
 static void send(Law *l, const Numbers *law, const double *x, const double *reference, double *const out[3]) {
     const double limit = law->max_acceleration * l->dt, lead = law->lead_s / l->dt;
+    double changes[MOST_AXES];
+    for (int i = 0; i < l->d; i++) changes[i] = reference[i] + l->compliance[i] - l->velocity[i];
+    const double size = length(changes, l->d), share = size > limit ? limit / size : 1.0;
     for (int i = 0; i < l->d; i++) {
-        const double change = within(reference[i] + l->compliance[i] - l->velocity[i], -limit, limit), v = l->velocity[i] + change;
+        const double change = changes[i] * share, v = l->velocity[i] + change;
         l->velocity[i] = v;
         out[1][i] = v + lead * change;
         out[0][i] = x[i] + l->dt * v;
@@ -226,26 +346,28 @@ static void hear(Law *l, const double *x, const double *felt) {
     Bank *b = &l->bank;
     const int d = l->d;
     const double change = b->numbers[BANK_CHANGE];
-    double neither = 0.0, total = 0.0;
+    double neither = 0.0;
     *b->until -= l->dt;
     if (*b->until > 1e-9) return;
-    *b->until += b->numbers[BANK_DT];
     for (int i = 0; i < d; i++) b->seen[i] = x[i], b->seen[d + i] = felt[i] - l->bias[i], b->seen[2 * d + i] = l->velocity[i];
     for (int i = 0; i < 3 * d; i++) {
         const double off = (b->seen[i] - b->centre[i]) / b->spread[i];
         neither -= 0.5 * off * off + log(2.5066 * b->spread[i]);
     }
-    double best = b->said[b->n] = neither;
-    for (int i = 0; i < b->n; i++) {
-        l->level->tick(b->filters[i], b->seen);
-        best = most(best, b->said[i] = b->filters[i]->state[LAST_LOG_LIKELIHOOD]);
+    while (*b->until <= 1e-9) {
+        *b->until += b->numbers[BANK_DT];
+        double best = b->said[b->n] = neither, total = 0.0;
+        for (int i = 0; i < b->n; i++) {
+            l->level->tick(b->filters[i], b->seen);
+            best = most(best, b->said[i] = b->filters[i]->state[LAST_LOG_LIKELIHOOD]);
+        }
+        for (int i = 0; i <= b->n; i++) {
+            const double told = most(b->said[i] - best, -b->numbers[BANK_GATE]) * b->numbers[BANK_MEMORY];
+            b->p[i] = ((1.0 - change) * b->p[i] + change * b->prior[i]) * exp(told);
+            total += b->p[i];
+        }
+        for (int i = 0; i <= b->n; i++) b->p[i] /= total;
     }
-    for (int i = 0; i <= b->n; i++) {
-        const double told = most(b->said[i] - best, -b->numbers[BANK_GATE]) * b->numbers[BANK_MEMORY];
-        b->p[i] = ((1.0 - change) * b->p[i] + change * b->prior[i]) * exp(told);
-        total += b->p[i];
-    }
-    for (int i = 0; i <= b->n; i++) b->p[i] /= total;
     for (int i = 0; i <= b->n; i += b->strengths) {
         double role = 0.0;
         for (int j = i; j < i + b->strengths && j <= b->n; j++) role += b->p[j];
@@ -273,7 +395,8 @@ static int lead_on(Law *l, const double *x, const double *felt, double *const ou
     }
     const double along = dot(pull, l->wanted, d) / most(length(l->wanted, d), 1e-3), speed = length(l->velocity, d);
     const int against = -along > than->insist_n + than->insist_ns_per_m * speed || along > than->ahead_n;
-    const int held = l->clock[PHASE] > than->insist_s && speed < than->held_m_per_s && length(pull, d) > than->resting_n;
+    const int under_way = l->clock[LED] > than->insist_s && length(l->wanted, d) > than->resting_m_per_s;
+    const int held = under_way && speed < than->held_m_per_s && length(pull, d) > than->resting_n;
     const double against_s = against ? *l->against_s + l->dt : 0.0, held_s = most(*l->held_s + (held ? l->dt : -l->dt), 0.0);
     if (against_s >= than->insist_s || held_s >= than->held_s || !attend(l, x, felt)) return 0;
     lead_there(l, x, force, out);
@@ -281,6 +404,12 @@ static int lead_on(Law *l, const double *x, const double *felt, double *const ou
     memcpy(l->pull, pull, sizeof(double) * d);
     memcpy(l->reference, l->wanted, sizeof(double) * d);
     return 1;
+}
+
+/* RoleSkill._unfinished, not */
+static int finished(const Law *l) {
+    const Table *t = l->tables + (int)(*l->told >= 0.0 ? *l->told : *l->where.goal);
+    return !(remaining(t, *l->where.phase) - t->slack > l->policy.finished_m);
 }
 
 /* RoleSkill.step while it follows, and it is too early to ask whether anybody leads. */
@@ -297,9 +426,11 @@ static int follow_on(Law *l, const double *x, const double *felt, double *const 
     const int resting = length(l->velocity, d) < policy->resting_m_per_s && length(pull, d) < policy->resting_n;
     const int moved = *l->moved != 0.0 || length(way, d) > 0.02;
     const double rest_s = resting ? *l->rest_s + l->dt : 0.0;
-    for (int i = 0; i < d; i++) way[i] = l->task[i] - x[i];
     const int patient = rest_s < (moved ? policy->midway_patience_s : policy->start_patience_s);
-    if (!(patient || dot(way, l->task + d, d) <= policy->finished_m) || !attend(l, x, felt)) return 0;
+    if (!patient && !finished(l)) return 0;
+    if (!attend(l, x, felt)) return 0;
+    locate(l, x, l->velocity);
+    l->shown_clock[PHASE] = *l->where.phase;
     memcpy(l->position, x, sizeof(double) * d);
     memcpy(l->pull, pull, sizeof(double) * d);
     *l->rest_s = rest_s, *l->moved = moved;

@@ -1016,54 +1016,108 @@ static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch)
     return 0;
 }
 
+/* Rows of each goal's skills.reference.PhaseReference one after the other, and (rows, step_s, top_speed, slack_m) of each goal */
+static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject *force, PyObject *way, PyObject *goals) {
+    Law *l = &self->law;
+    const Py_ssize_t rows = count_of(way), n = count_of(goals) / 4;
+    if (PyErr_Occurred()) return -1;
+#define TAKE(object, count) take(&self->arrays, object, 0, count, 8, #object)
+    const double *x = TAKE(path, rows * l->d), *v = TAKE(velocity, rows * l->d), *f = TAKE(force, rows * l->d), *w = TAKE(way, rows);
+    const double *of_goal = TAKE(goals, n * 4);
+#undef TAKE
+    if (PyErr_Occurred()) return -1;
+    l->n_goals = (int)n;
+    l->tables = calloc(n > 0 ? n : 1, sizeof *l->tables);
+    if (!l->tables) {
+        PyErr_NoMemory();
+        return -1;
+    }
+    Py_ssize_t at = 0;
+    for (Py_ssize_t g = 0; g < n; g++, of_goal += 4) {
+        const int some = (int)of_goal[0];
+        if (some < 2 || some > rows - at) break;
+        l->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3],
+                               x + at * l->d, v + at * l->d, f + at * l->d, w + at};
+        at += some;
+    }
+    if (n > 0 && at == rows) return 0;
+    PyErr_SetString(PyExc_ValueError, "a law has a path of 2 rows or more to each goal");
+    return -1;
+}
+
+/* stations, firsts, memory and goals of skills.whereabouts.Whereabouts */
+static int take_where(Laws *self, PyObject *stations, PyObject *firsts, PyObject *memory, PyObject *goals) {
+    Law *l = &self->law;
+    Where *w = &l->where;
+    w->width = 3 * l->d + STATION;
+    const Py_ssize_t n = count_of(stations) / w->width;
+    if (PyErr_Occurred()) return -1;
+#define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
+    w->rows = TAKE(stations, 0, n * w->width), w->first = TAKE(firsts, 0, l->n_goals + 1);
+    double *kept_there = TAKE(memory, 1, n + l->d + 3);
+    w->goals = TAKE(goals, 1, l->n_goals);
+#undef TAKE
+    if (PyErr_Occurred()) return -1;
+    if (w->first[0] != 0.0 || w->first[l->n_goals] != (double)n) {
+        PyErr_SetString(PyExc_ValueError, "the stations of all goals, one after the other");
+        return -1;
+    }
+    w->stations = (int)n;
+    w->p = kept_there, w->offset = w->p + n, w->until = w->offset + l->d, w->goal = w->until + 1, w->phase = w->goal + 1;
+    w->moved = malloc(2 * n * sizeof *w->moved);
+    if (!w->moved) {
+        PyErr_NoMemory();
+        return -1;
+    }
+    w->said = w->moved + n;
+    return 0;
+}
+
 static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-    PyObject *filter, *numbers, *following, *policy, *task, *path, *velocity, *force, *compliance, *pace_memory, *memory, *until, *seen, *bank;
-    double dt, model_dt, step_s, top_speed, pull_s, bias_s;
+    PyObject *filter, *numbers, *following, *policy, *compliance, *pace_memory, *memory, *until, *seen, *bank;
+    PyObject *path, *velocity, *force, *way, *goal_rows, *stations, *firsts, *where, *goals;
+    double dt, model_dt, pull_s, bias_s;
     int d;
     (void)keywords;
-    if (!PyArg_ParseTuple(args, "O!OOOOOOOOOOOOiddddddO", filter_type, &filter, &numbers, &following, &policy, &task, &path, &velocity, &force,
-                          &compliance, &pace_memory, &memory, &until, &seen, &d, &dt, &model_dt, &step_s, &top_speed, &pull_s, &bias_s, &bank))
+    if (!PyArg_ParseTuple(args, "O!OOO(OOOOO)OOOOO(OOOO)iddddO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
+                          &force, &way, &goal_rows, &compliance, &pace_memory, &memory, &until, &seen, &stations, &firsts, &where, &goals, &d, &dt, &model_dt, &pull_s, &bias_s,
+                          &bank))
         return NULL;
     const int D = ((Filter *)filter)->tick.D;
-    const Py_ssize_t rows = d > 0 ? count_of(path) / d : 0;
-    if (PyErr_Occurred()) return NULL;
-    if (d < 1 || d > MOST_AXES || rows < 2 || (D != d && D != 2 * d))
-        return PyErr_Format(PyExc_ValueError, "a law has 1 to %d axes, a path, and a filter of position or position and force", MOST_AXES);
+    if (d < 1 || d > MOST_AXES || (D != d && D != 2 * d))
+        return PyErr_Format(PyExc_ValueError, "a law has 1 to %d axes, and a filter of position or position and force", MOST_AXES);
     Laws *self = (Laws *)PyType_GenericAlloc(type, 0);
     if (!self) return NULL;
     Law *l = &self->law;
-    *l = (Law){.d = d, .rows = (int)rows, .dt = dt, .model_dt = model_dt, .step_s = step_s, .top_speed = top_speed};
+    *l = (Law){.d = d, .dt = dt, .model_dt = model_dt};
 #define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
     const double *given = TAKE(numbers, 0, sizeof(Numbers) / 8), *followed = TAKE(following, 0, sizeof(Numbers) / 8);
     const double *conduct = TAKE(policy, 0, sizeof(Policy) / 8);
-    l->task = TAKE(task, 0, 2 * d);
-    l->path = TAKE(path, 0, rows * d);
-    l->velocity_table = TAKE(velocity, 0, rows * d);
-    l->force_table = TAKE(force, 0, rows * d);
-    double *of_compliance = TAKE(compliance, 1, 2 * d + 2), *of_pace = TAKE(pace_memory, 1, 3 * d + 3);
-    double *of_skill = TAKE(memory, 1, 7 * d + 6);
+    double *of_compliance = TAKE(compliance, 1, 2 * d + 2), *of_pace = TAKE(pace_memory, 1, 3 * d + CLOCKS);
+    double *of_skill = TAKE(memory, 1, 7 * d + 7);
     l->until = TAKE(until, 1, 1);
     l->seen = TAKE(seen, 1, D);
 #undef TAKE
-    if (PyErr_Occurred() || (bank != Py_None && take_bank(self, bank, 3 * d, (Filter *)filter) < 0)) {
+    if (PyErr_Occurred() || take_tables(self, path, velocity, force, way, goal_rows) < 0 || take_where(self, stations, firsts, where, goals) < 0 ||
+        (bank != Py_None && take_bank(self, bank, 3 * d, (Filter *)filter) < 0)) {
         Py_DecRef((PyObject *)self);
         return NULL;
     }
     memcpy(&l->law, given, sizeof(Numbers));
     memcpy(&l->following, followed, sizeof(Numbers));
     memcpy(&l->policy, conduct, sizeof(Policy));
-    l->duration_s = step_s * (double)(rows - 1);
     l->keep_shake = least(dt / 0.3, 1.0);
     l->pull_share = least(dt / pull_s, 1.0);
     l->bias_share = dt / bias_s;
     l->compliance = of_compliance, l->slow = of_compliance + d, l->shake = of_compliance + 2 * d, l->went_on = l->shake + 1;
-    double **const paces[] = {&l->expected, &l->wanted, &l->hold, &l->clock};
+    double **const paces[] = {&l->expected, &l->wanted, &l->offset, &l->clock};
     double **const skills[] = {
         &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->shown_clock,
     };
     for (int i = 0; i < 4; i++) *paces[i] = of_pace + i * d;
     for (int i = 0; i < 8; i++) *skills[i] = of_skill + i * d;
     l->rest_s = l->shown_clock + 2, l->moved = l->rest_s + 1, l->against_s = l->moved + 1, l->held_s = l->against_s + 1;
+    l->told = l->held_s + 1;
     self->filter = Py_NewRef(filter);
     l->filter = &((Filter *)filter)->tick;
     l->level = ((Filter *)filter)->level;
@@ -1077,6 +1131,8 @@ static void law_dealloc(PyObject *object) {
     release(&self->arrays);
     free(self->law.bank.filters);
     free(self->law.bank.seen);
+    free(self->law.tables);
+    free(self->law.where.moved);
     Py_XDECREF(self->filter);
     Py_XDECREF(self->bank);
     freefunc release_object = (freefunc)PyType_GetSlot(type, Py_tp_free);

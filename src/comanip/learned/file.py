@@ -16,11 +16,13 @@ import numpy as np
 from ..errors import ComanipError, SkillFileError
 from ..models.gmm import Gmm
 from ..models.hmm import Hmm
+from ..models.taught_path import TaughtPath
 from ..whole_file import digest, write_whole
 from .skill import LearnedSkill
 
-FORMAT, VERSION = "comanip.skill", 1
-_FIELDS = frozenset("format version role law settings axes dt_s units workspace_m ends_m model clock provenance sha256".split())
+FORMAT, VERSION = "comanip.skill", 2
+_FIELDS_1 = frozenset("format version role law settings axes dt_s units workspace_m ends_m model clock provenance sha256".split())
+_FIELDS = {1: _FIELDS_1, 2: _FIELDS_1 | {"paths", "onsets_s"}}
 
 
 def save(learned: LearnedSkill, path: str | Path) -> None:
@@ -60,6 +62,17 @@ def to_json(learned: LearnedSkill) -> dict[str, Any]:
         "units": dict(learned.units),
         "workspace_m": learned.workspace.tolist(),
         "ends_m": learned.ends.tolist(),
+        "onsets_s": learned.onsets_s.tolist(),
+        "paths": [
+            {
+                "step_s": path.step_s,
+                "position_m": path.position.tolist(),
+                "force_n": path.force.tolist(),
+                "spread_m": path.spread.tolist(),
+                "ends_m": path.ends.tolist(),
+            }
+            for path in learned.paths
+        ],
         "model": {
             "kind": "hmm",
             "channels": list(model.channels),
@@ -87,11 +100,11 @@ def from_json(content: Any) -> LearnedSkill:
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise SkillFileError(f'not a skill file: it lacks "format": "{FORMAT}"')
     version = content.get("version")
-    if version != VERSION:
+    if version not in _FIELDS or isinstance(version, bool):
         newer = isinstance(version, int) and version > VERSION
         advice = "update comanip to read it" if newer else "no such version was ever written"
-        raise SkillFileError(f"written as version {version!r}; this comanip reads version {VERSION}: {advice}")
-    stray, absent = sorted(set(content) - _FIELDS), sorted(_FIELDS - set(content))
+        raise SkillFileError(f"written as version {version!r}; this comanip reads versions 1 to {VERSION}: {advice}")
+    stray, absent = sorted(set(content) - _FIELDS[version]), sorted(_FIELDS[version] - set(content))
     if stray or absent:
         raise SkillFileError(f"unknown fields {stray}, missing fields {absent}")
     if content["sha256"] != digest(content):
@@ -117,7 +130,22 @@ def from_json(content: Any) -> LearnedSkill:
         workspace=np.array(content["workspace_m"], dtype=float),
         ends=np.array(content["ends_m"], dtype=float),
         provenance=content["provenance"],
+        paths=tuple(map(_path, content.get("paths", ()))),
+        onsets_s=np.array(content.get("onsets_s", ()), dtype=float),
     )
+
+
+def _path(part: Mapping[str, Any]) -> TaughtPath:
+    step_s = float(part["step_s"])
+    position, force, spread, ends = (_array(part, name) for name in ("position_m", "force_n", "spread_m", "ends_m"))
+    n, d = position.shape
+    if n < 2 or force.shape != (n, d) or spread.shape != (n,) or ends.shape != (len(ends), d) or not step_s > 0.0:
+        shapes = f"{position.shape}, {force.shape}, {spread.shape}, {ends.shape}"
+        raise SkillFileError(
+            "a path has position_m and force_n (N >= 2, d), spread_m (N,), ends_m (lessons, d) and step_s > 0; "
+            f"got {shapes} and {step_s:g}"
+        )
+    return TaughtPath(step_s, position, force, spread, ends)
 
 
 def _array(part: Mapping[str, Any], name: str) -> np.ndarray:

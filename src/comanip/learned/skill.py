@@ -20,6 +20,7 @@ from ..models.clock import learn_clock
 from ..models.gmm import Gmm
 from ..models.hmm import Hmm
 from ..models.stability import stability, warnings_of
+from ..models.taught_path import TaughtPath, taught_paths
 from ..recording import Passed, check_role, frozen
 
 LAWS = ("default", "paper")
@@ -40,6 +41,8 @@ class LearnedSkill(Passed):
     units       of each channel group, SI
     workspace   (d, 2) the paper's W: positions met in the lessons, widened by half their range [m]
     ends        (lessons, d) where each lesson ended [m]
+    paths       what the lessons of each goal have in common, most lessons first; empty in a skill of an older version
+    onsets_s    (lessons,) rest before each lesson's motion [s]
     provenance  lessons with their hashes, notes, likelihood, version: what somebody needs to trust or repeat it
     """
 
@@ -54,6 +57,8 @@ class LearnedSkill(Passed):
     settings: Mapping[str, Any] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    paths: tuple[TaughtPath, ...] = ()
+    onsets_s: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         if self.law not in LAWS:
@@ -61,6 +66,8 @@ class LearnedSkill(Passed):
         object.__setattr__(self, "axes", tuple(self.axes))
         object.__setattr__(self, "workspace", frozen(self.workspace))
         object.__setattr__(self, "ends", frozen(self.ends))
+        object.__setattr__(self, "onsets_s", frozen(self.onsets_s))
+        object.__setattr__(self, "paths", tuple(self.paths))
         for name in ("settings", "units", "provenance"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
@@ -135,6 +142,9 @@ def learn(
     dt = lessons[0].dt
     ordered = topology == "left-right" and fit.model.n_states > 1
     positions = [lesson.position for lesson in lessons]
+    forces = [lesson.force if with_force else np.zeros_like(lesson.position) for lesson in lessons]
+    paths, onsets_s = taught_paths(positions, forces, dt) if ordered else ((), np.zeros(0))
+    notes.extend(goal_notes(paths, lessons[0].axes))
     return LearnedSkill(
         model=fit.model,
         clock=learn_clock(fit.model, frames, dt, covariance_floor=covariance_floor) if ordered else None,
@@ -156,7 +166,20 @@ def learn(
             "n_frames": fit.n_frames,
             "topology": topology,
         },
+        paths=paths,
+        onsets_s=onsets_s,
     )
+
+
+def goal_notes(paths: Sequence[TaughtPath], axes: Sequence[str]) -> list[str]:
+    """One line where the lessons have several goals: how many lead to each, and where it is."""
+    if len(paths) < 2:
+        return []
+    at = ["; ".join(f"{a} {x:.3g}" for a, x in zip(axes, path.ends.mean(axis=0), strict=True)) for path in paths]
+    each = [
+        f"goal {n + 1} of {len(p.ends)} lessons, ending at {where} m" for n, (p, where) in enumerate(zip(paths, at, strict=True))
+    ]
+    return [f"the lessons lead to {len(paths)} goals, and none is the mean of others: {', '.join(each)}"]
 
 
 def stability_notes(model: Hmm, law: str, role: str, settings: Mapping[str, Any]) -> list[str]:

@@ -20,9 +20,10 @@ from ..models.gaussian import floored
 from ..models.gmm import Gmm
 from ..models.hmm import Hmm
 from ..models.moments import moments_about
+from ..models.taught_path import TaughtPath, taught_paths
 from ..parallel import each
 from ..recording import check_role
-from .skill import LAWS, STATES, LearnedSkill, stability_notes
+from .skill import LAWS, STATES, LearnedSkill, goal_notes, stability_notes
 
 UNITS = {"position": "m", "force": "N", "velocity": "m/s"}
 
@@ -73,6 +74,7 @@ def learn_stream(
     room = np.maximum(0.5 * (box[:, 1:] - box[:, :1]), 1e-3)
     ordered = topology == "left-right" and fit.model.n_states > 1
     clock = _clock(paths, source, fit.model, np.median(occupancy, axis=0), dt, covariance_floor, n_jobs) if ordered else None
+    taught, onsets_s = _paths(paths, source, len(axes), dt) if ordered else ((), np.zeros(0))
     return LearnedSkill(
         model=fit.model,
         clock=clock,
@@ -86,13 +88,15 @@ def learn_stream(
         provenance={
             "comanip": __version__,
             "lessons": [{"name": Path(p).name, "source": p} for p in paths],
-            "notes": [*said, *fit.notes, *stability_notes(fit.model, law, role, {})],
+            "notes": [*said, *fit.notes, *stability_notes(fit.model, law, role, {}), *goal_notes(taught, axes)],
             "log_likelihood": [float(v) for v in fit.log_likelihood],
             "converged": fit.converged,
             "bic": fit.bic,
             "n_frames": fit.n_frames,
             "topology": topology,
         },
+        paths=taught,
+        onsets_s=onsets_s,
     )
 
 
@@ -103,7 +107,20 @@ def counted(results: Iterator[Checked], total: int, progress: Progress | None) -
             progress("checks", done, total)
 
 
+MOST_PATHS = 50  # lessons that the path is the mean of: more change it by less than a sensor's noise, and warping takes memory
 MOST_ENDS = 1000  # a skill file is to be read by people: of a million lessons it keeps the ends of every thousandth
+
+
+def _paths(paths: Sequence[str], source: Source, d: int, dt: float) -> tuple[tuple[TaughtPath, ...], Array]:
+    """The path to each goal from MOST_PATHS lessons, as many of each of the first shards."""
+    some = paths[:: max(1, len(paths) // MOST_PATHS)][:MOST_PATHS]
+    each_of, lessons = -(-MOST_PATHS // len(some)), []
+    for path in some:
+        found = (x for piece in source.read(path) for x in piece)
+        lessons += [np.asarray(x, dtype=float) for x, _ in zip(found, range(each_of), strict=False)]
+    positions = [x[:, :d] for x in lessons]
+    forces = [x[:, d : 2 * d] if x.shape[1] == 3 * d else np.zeros_like(x[:, :d]) for x in lessons]
+    return taught_paths(positions, forces, dt)
 
 
 def _pieces(path: str, source: Source, model: Hmm) -> Any:

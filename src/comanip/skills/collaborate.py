@@ -7,8 +7,9 @@ Leader and follower differ in who drives the phase s of the reference (x_r, v_r,
 
 leader    time drives s, and resistance beyond what was taught slows it down; the partner can always push the hand away from
           the reference, because the compliance c is passive (F > 0 never moves the hand down)
-follower  evidence drives s: where the hand is. The reference contributes no motion of its own, only what reflexes cannot
-          know: a_ff, how speed will change next if the partner goes on as taught, as long as the force agrees
+follower  evidence drives s: where on the path the hand is (`skills.whereabouts`). The reference contributes no motion of its own,
+          only what reflexes cannot know: a_ff, how speed will change next if the partner goes on as taught, as long as the force
+          agrees
 
 Why not eq. (5) alone: in a leader's lessons force is the EFFECT of motion, and regressing velocity on it closes a positive
 feedback through the partner; see docs/laws.md. At rest the damping rises and a dead zone opens, so noise moves nothing.
@@ -18,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
-from math import copysign, exp, isfinite, pi
+from math import exp, isfinite, pi
 from typing import Any
 
 import numpy as np
@@ -27,12 +28,17 @@ from .. import kernels
 from ..errors import MismatchError, ParameterError
 from ..interfaces import Array, Command, Observation
 from ..models.filtering import ForwardFilter
-from ..models.gmm import Gmm
 from ..models.hmm import Hmm
 from ..signals.vectors import dot, length
 from .reference import PhaseReference
+from .whereabouts import Whereabouts
 
 ROLES = ("leader", "follower")
+ABSURD = 1e6  # no robot is so far away, so fast or so strong, in any unit
+FADES_S, FADES_BELOW = 1.0, 0.7  # an offset from the path fades in so long at least, and below this share of the taught top speed
+EASES_S = 0.8  # who enters where lessons were in motion comes up to their speed in this time,
+BEGINS_S = 0.3  # and where they began, in this: what counts as motion in a lesson begins at a few per cent of its speed, not at 0
+SAID_M = 0.05  # an offset that is worth saying
 
 
 @dataclass(frozen=True)
@@ -46,13 +52,13 @@ class CollaborativeLaw:
     dead_zone_n: float = 0.4  # at rest only
     anticipation: float = 0.3  # share of the foreseen acceleration that the follower adds by itself
     anticipation_s: float = 0.05
-    attraction_per_s: float = 2.0  # lambda, leader
+    attraction_per_s: float = 4.0  # lambda, leader
     start_delay_s: float = 0.5  # leader: stands still this long before it starts
     comfortable_n: float = 0.5  # leader: resistance of the partner from which it slows its clock
     yield_gain_per_n: float = 0.4
-    slowest_clock: float = 0.4
+    slowest_clock: float = 0.38
     patience_s: float = 0.6  # how long resistance must last to count
-    reach_m: float = 0.10  # starts farther than this outside the taught positions: comply only
+    reach_m: float = 0.10  # starts farther than this from the taught path: comply only (a leader moves over from farther)
     max_acceleration_m_per_s2: float = 5.0
     shake_hz: float = 2.5  # faster than people move a load together: what oscillates above is instability or shaking
     shake_n: float = 1.0  # amplitude from which it is damped
@@ -70,7 +76,7 @@ class CollaborativeLaw:
             raise ParameterError(f"law 'default' has no setting {unknown[0]!r}; it has: {', '.join(known)}")
         law = CollaborativeLaw()
         if role == "leader":
-            law = replace(law, virtual_mass_kg=6.0, moving_damping_ns_per_m=30.0, dead_zone_n=0.5)
+            law = replace(law, virtual_mass_kg=6.0, moving_damping_ns_per_m=30.0, dead_zone_n=0.5, reach_m=0.30)
         return replace(law, **settings)
 
 
@@ -91,27 +97,27 @@ class Compliance:
         self.memory[:] = 0.0
 
     def step(self, law: CollaborativeLaw, excess: Array, reference: Array, feedforward: Array) -> None:
-        """Damping is implicit, so any value is stable by itself at any dt."""
+        """Damping is implicit, so any value is stable by itself at any dt. Speed, dead zone and shaking are of vectors."""
         c, off = self.velocity.tolist(), excess.tolist()
-        speed = max(_largest(c), _largest(reference.tolist()))
+        speed = max(length(c), length(reference.tolist()))
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest * rest * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
         damping += self._against_shaking(law, off)
-        dead = law.dead_zone_n * rest
+        size, dead = length(off), law.dead_zone_n * rest
+        felt = 1.0 - dead / size if size > dead else 0.0  # of a size beyond all numbers, too
         share = self._dt / law.virtual_mass_kg
         for i, (f, a) in enumerate(zip(off, feedforward.tolist(), strict=True)):
-            push = copysign(max(abs(f) - dead, 0.0), f)
-            self.velocity[i] = (c[i] + share * push + self._dt * a) / (1.0 + share * damping)
+            self.velocity[i] = (c[i] + share * (f * felt) + self._dt * a) / (1.0 + share * damping)
 
     def _against_shaking(self, law: CollaborativeLaw, excess: list[float]) -> float:
         """Damping [N s/m] to add while force oscillates faster than people lift together.
 
         Around a partner of stiffness K and damping B, a delay tau takes tau K from the loop's damping, whatever the virtual mass:
-        stable if B + D > tau K. So a stiff partner needs D, and only he does.
+        stable if B + D > tau K. So a stiff partner needs D, and only such a partner.
         """
         keep = 1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)
         slow = [slow + keep * (f - slow) for f, slow in zip(excess, self._slow.tolist(), strict=True)]
-        fast = _largest([f - s for f, s in zip(excess, slow, strict=True)])
+        fast = min(length([f - s for f, s in zip(excess, slow, strict=True)]), ABSURD)
         shake, went_on = self._shaking.tolist()
         shake += min(self._dt / 0.3, 1.0) * (fast - shake)
         amplitude = max(1.57 * shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
@@ -120,54 +126,89 @@ class Compliance:
         return law.shake_damping_ns_per_m_per_n * (amplitude + went_on)
 
 
+PHASE_S, RATE, RESISTANCE, WAITS_S, FADED, FADING_S, LED_S, EASING_S, GOAL = range(9)  # Pace.clock
+
+
 class Pace:
     """The leader's clock along a reference: time drives it, and resistance of the partner slows it down.
 
+    It is entered anywhere, from rest: at the nearest phase, where the hand is. What the hand is off the path there fades along
+    the way, no faster than was taught; nothing pulls it back to where it should have been.
+
     phase, rate       [s], 1: where in the reference, and how fast the clock runs
     expected          (d,) [N] F_r, what the lessons lead to expect here
-    velocity          (d,) [m/s] s' v_r + lambda (x_r - x)
+    velocity          (d,) [m/s] s' (v_r + offset that fades) + lambda (x_r + offset - x)
     """
 
-    def __init__(self, reference: PhaseReference, law: CollaborativeLaw, dt: float) -> None:
-        self.reference, self.law, self._dt = reference, law, dt
-        d = reference.position.shape[1]
-        self.top_speed = float(np.linalg.norm(reference.velocity, axis=1).max())
-        self.memory = np.zeros(3 * d + 3)
-        self.expected, self.velocity, self._start = self.memory[:-3].reshape(3, d)
-        self.clock = self.memory[-3:]  # phase, rate, resistance
+    def __init__(self, references: PhaseReference | Sequence[PhaseReference], law: CollaborativeLaw, dt: float) -> None:
+        self.references = (references,) if isinstance(references, PhaseReference) else tuple(references)
+        self.law, self._dt = law, dt
+        d = self.references[0].position.shape[1]
+        self.memory = np.zeros(3 * d + 9)
+        self.expected, self.velocity, self._offset = self.memory[:-9].reshape(3, d)
+        self.clock = self.memory[-9:]
 
-    def start(self, phase: float, position: Array) -> None:
-        """From `phase` [s] on; before 0 the hand stays at `position` (d,)."""
+    def start(self, phase: float, position: Array, *, goal: int = 0, waits_s: float = 0.0, eases: bool = True) -> None:
+        """At `position` (d,); in `waits_s` [s] it goes on from `phase` [s] of the reference to `goal`; from rest it eases in."""
+        reference = self.references[goal]
+        offset = position - reference.at(reference.position, phase)
+        off = float(np.linalg.norm(offset))
+        fading_s = max(FADES_S, 1.875 * off / (FADES_BELOW * max(reference.top_speed, 1e-9))) if off > 0.0 else 0.0
         self.memory[:] = 0.0
-        self.clock[0] = phase
-        self._start[:] = position
+        self._offset[:] = offset
+        easing_s = 0.0 if not eases else EASES_S if phase > 0.0 else BEGINS_S
+        self.clock[:] = phase, 1.0 if waits_s > 0.0 else 0.0, 0.0, waits_s, 0.0, fading_s, 0.0, easing_s, goal
+
+    @property
+    def reference(self) -> PhaseReference:
+        return self.references[int(self.clock[GOAL])]
 
     @property
     def phase(self) -> float:
-        return float(self.clock[0])
+        return float(self.clock[PHASE_S])
 
     @property
     def rate(self) -> float:
-        return float(self.clock[1])
+        return float(self.clock[RATE])
 
     @property
     def ended(self) -> bool:
         return self.phase >= self.reference.duration_s
 
+    @property
+    def off_m(self) -> float:
+        """How far from the path it still leads [m]."""
+        faded, fading_s = float(self.clock[FADED]), float(self.clock[FADING_S])
+        return _left(faded / fading_s) * length(self._offset.tolist()) if faded < fading_s else 0.0
+
     def step(self, x: Array, force: Array) -> None:
-        law, reference, (s, rate, resistance) = self.law, self.reference, self.clock.tolist()
-        moving = 0.0 <= s < reference.duration_s
-        target = reference.floats_at("position", s) if s >= 0.0 else self._start.tolist()
-        velocity = reference.floats_at("velocity", s) if moving else [0.0] * len(target)
+        law, reference = self.law, self.reference
+        s, rate, resistance, waits_s, faded, fading_s, led_s, easing_s, goal = self.clock.tolist()
+        begun = waits_s <= 0.0
+        on_path, fades = begun and s < reference.duration_s, begun and faded < fading_s
+        left = _left(faded / fading_s) if faded < fading_s else 0.0
+        fading = _leaving(faded / fading_s) / fading_s if fades else 0.0
+        off = self._offset.tolist()
+        target = [p + left * o for p, o in zip(reference.floats_at("position", s), off, strict=True)]
+        velocity = reference.floats_at("velocity", s) if on_path else [0.0] * len(target)
+        velocity = [v + fading * o for v, o in zip(velocity, off, strict=True)]
         speed = length(velocity)
         along = dot(force.tolist(), velocity) / speed if speed > 1e-6 else 0.0
         excess = min(along + law.comfortable_n, 0.0)
         resistance += min(self._dt / law.patience_s, 1.0) * (excess - resistance)
-        rate = max(1.0 + law.yield_gain_per_n * resistance, law.slowest_clock) if moving else 1.0
-        # a person's resistance grows with speed, so at a slower pace less of it is to be expected
-        felt = reference.floats_at("force", s) if s >= 0.0 else [0.0] * len(target)
-        self.clock[:] = min(s + self._dt * rate, reference.duration_s), rate, resistance
+        rate = max(1.0 + law.yield_gain_per_n * resistance, law.slowest_clock) if on_path or fades else 1.0
+        if led_s < easing_s:
+            ease = led_s / easing_s
+            rate *= ease * ease * (3.0 - 2.0 * ease)
+        if speed > reference.top_speed:
+            rate *= reference.top_speed / speed
         error = [t - p for t, p in zip(target, x.tolist(), strict=True)]
+        # a person's resistance grows with speed, so at a slower pace less of it is to be expected
+        felt = reference.floats_at("force", s) if begun else [0.0] * len(target)
+        on = self._dt * rate if begun else 0.0
+        s, faded, led_s = min(s + on, reference.duration_s), faded + on, led_s + (self._dt if begun else 0.0)
+        waits_s = max(waits_s - self._dt, 0.0)
+        self.clock[:] = s, rate, resistance, waits_s, faded, fading_s, led_s, easing_s, goal
         share = self._bound(error)
         for i, v in enumerate(velocity):
             self.expected[i] = rate * felt[i]
@@ -176,7 +217,17 @@ class Pace:
     def _bound(self, error: list[float]) -> float:
         """The attractor never asks for more than the taught top speed, however far away it starts."""
         asked = length(error) * self.law.attraction_per_s
-        return min(1.0, self.top_speed / asked) if asked > 1e-9 else 1.0
+        return min(1.0, self.reference.top_speed / asked) if asked > 1e-9 else 1.0
+
+
+def _left(u: float) -> float:
+    """What is left of an offset at `u` of its fading, in [0, 1]: minimum jerk."""
+    return 1.0 - u * u * u * (10.0 + u * (-15.0 + 6.0 * u))
+
+
+def _leaving(u: float) -> float:
+    """Its derivative."""
+    return -(u * u * (30.0 + u * (-60.0 + 30.0 * u)))
 
 
 class Watch:
@@ -206,8 +257,11 @@ class Watch:
 class CollaborativeSkill:
     """Carries an object with a partner, as leader or as follower, from what lessons of that role taught.
 
+    goal   number of the reference that leads; None, which one the partner means is inferred (a leader takes the first)
+
     Diagnostics: weights (K,) of the model's states from position and force, phase [s], clock speed, expected force, compliance
-    velocity. `notice` says when it does less than asked ("outside what was taught: complies only").
+    velocity; goal (G,), where lessons had several, the probability of each. `notice` says when it does less than asked ("outside
+    what was taught: complies only") or begins off the path.
     """
 
     stop_reason = ""
@@ -215,35 +269,40 @@ class CollaborativeSkill:
     def __init__(
         self,
         model: Hmm,
-        clock: Gmm | None,
+        references: PhaseReference | Sequence[PhaseReference] | None,
         *,
         role: str,
         axes: tuple[str, ...],
         dt: float,
         model_dt: float,
         law: CollaborativeLaw | None = None,
-        end: Array | None = None,
-        reference: PhaseReference | None = None,
+        goal: int | None = None,
     ) -> None:
         if role not in ROLES:
             raise MismatchError(
                 f"the default law needs a role, leader or follower; the skill states {role or 'none'!r}: pass --role"
             )
-        if clock is None:
-            raise MismatchError("the default law needs states in order of time: learn with topology left-right")
-        self.role, self.law = role, law or CollaborativeLaw.for_role(role)
-        self.reference = reference or PhaseReference.learned(clock, end)
+        if references is None:
+            raise MismatchError("the default law needs a path in order of time: learn with topology left-right")
+        self.role, self.law, self._told = role, law or CollaborativeLaw.for_role(role), goal
         self._dt, d = dt, len(axes)
+        self._pace = Pace(references, self.law, dt)
         self._watch = Watch(model, model_dt, dt)
+        self._where = Whereabouts(self._pace.references, dt)
         self._nothing, self._foreseen = np.zeros(d), np.zeros(d)
         self._nothing.setflags(write=False)
         self._compliance = Compliance(d, dt)
-        self._pace = Pace(self.reference, self.law, dt)
         self._memory = memory(d)
-        self._expected, self._velocity, self._position, self._start, *_ = self._memory[: 7 * d].reshape(7, d)
-        self._phase, self._rate, *_ = self._memory[7 * d :].reshape(6, 1)
-        self._compiled = compiled(self._watch, self._pace, self._compliance, self._memory, dt)
+        self._expected, self._velocity, self._position, *_ = self._memory[: 7 * d].reshape(7, d)
+        self._phase, self._rate, *_ = self._memory[7 * d :].reshape(7, 1)
+        self._compiled = compiled(self._watch, self._pace, self._compliance, self._where, self._memory, dt)
         self._tick: Callable[..., bool] | None = None
+        self._outside = 0.0
+
+    @property
+    def reference(self) -> PhaseReference:
+        """The path of the goal that it leads to, or takes the partner to mean."""
+        return self._pace.references[self._where.goal if self.role == "follower" else int(self._pace.clock[GOAL])]
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
@@ -253,18 +312,32 @@ class CollaborativeSkill:
             "clock_rate": self._rate,
             "expected_force": self._expected,
             "compliance": self._compliance.velocity,
+            **goals_shown(self._where),
         }
 
+    @property
+    def notice(self) -> str:
+        return off_path(self._outside, self._complies_only, self.role == "leader" and self._pace.off_m > SAID_M)
+
     def reset(self, obs: Observation) -> None:
+        self._enter(obs, None)
+
+    def resume(self, obs: Observation) -> None:
+        """As `reset`, from rest where the hand is, but in the part of the task in which it was."""
+        self._enter(obs, self._phase[0])
+
+    def _enter(self, obs: Observation, last_s: float | None) -> None:
+        goal = self._where.goal if last_s is not None else self._told or 0
         self._watch.reset()
         self._memory[:] = 0.0
-        self._position[:] = self._start[:] = np.nan_to_num(obs.position)
+        self._position[:] = believable(obs.position)
         self._compliance.reset()
-        self._phase[0] = -self.law.start_delay_s if self.role == "leader" else 0.0
-        self._pace.start(float(self._phase[0]), self._position)
-        outside = outside_taught(self.reference, self._position)
-        self._complies_only = bool(outside > self.law.reach_m)
-        self.notice = f"outside what was taught by {outside:.2f} m: complies only" if self._complies_only else ""
+        entry_s = [r.entry(self._position, last_s) for r in self._pace.references]
+        self._where.reset(self._position, goal, entry_s)
+        self._pace.start(entry_s[goal], self._position, goal=goal, waits_s=self.law.start_delay_s)
+        self._phase[0] = entry_s[goal]
+        self._outside = min(r.outside_m(self._position) for r in self._pace.references)
+        self._complies_only = bool(self._outside > self.law.reach_m)
         if self._compiled is not None:
             how = "comply" if self._complies_only else "lead" if self.role == "leader" else "follow"
             self._tick = getattr(self._compiled, how)
@@ -299,9 +372,9 @@ class CollaborativeSkill:
 
     def _anticipate(self, x: Array, force: Array) -> Array:
         """Acceleration to expect next: the taught change of speed ahead, scaled to the partner's present speed."""
-        law, reference, velocity = self.law, self.reference, self._compliance.velocity.tolist()
-        taught = x - self._start + reference.position[0]
-        s = reference.closest(taught, float(self._phase[0]))
+        law, velocity = self.law, self._compliance.velocity.tolist()
+        self._where.step(x.tolist(), velocity)
+        reference, s = self._pace.references[self._where.goal], self._where.phase
         self._rate[0] = (s - float(self._phase[0])) / self._dt
         self._phase[0] = s
         speed = length(velocity)
@@ -310,74 +383,91 @@ class CollaborativeSkill:
         now = reference.floats_at("velocity", s)
         usual = max(length(now), 0.03)
         ahead = reference.floats_at("velocity", s + law.anticipation_s * min(speed / usual, 2.0))
-        along = dot(force.tolist(), [v / speed for v in velocity])
-        agreement = min(max((along + 1.0) / 2.0, 0.0), 1.0)  # a partner who brakes switches it off
+        # a partner who brakes switches it off, and so does one who goes another way than was taught here
+        along = dot(force.tolist(), velocity) / speed
+        agreement = min(max((along + 1.0) / 2.0, 0.0), 1.0)
+        agreement *= max(dot(now, velocity), 0.0) / max(length(now) * speed, 1e-9)
         agreement *= min(speed / law.moving_speed_m_per_s, 1.0)
         scale = min(speed / usual, 1.5)
-        for i, (a, n) in enumerate(zip(ahead, now, strict=True)):
-            self._foreseen[i] = law.anticipation * agreement * min(max((a - n) / law.anticipation_s * scale, -1.0), 1.0)
+        foreseen = [(a - n) / law.anticipation_s * scale for a, n in zip(ahead, now, strict=True)]
+        agreement *= law.anticipation / max(length(foreseen), 1.0)  # of 1 m/s^2 at most
+        for i, a in enumerate(foreseen):
+            self._foreseen[i] = agreement * a
         return self._foreseen
 
 
-def memory(n_axes: int) -> Array:
-    """What a skill of this law remembers, as kernels/_law.h shares it: seven vectors and six numbers.
+def believable(position: Array) -> Array:
+    """Where the hand begins: a missing coordinate is 0, and none is so large that its square is no number."""
+    return np.clip(np.nan_to_num(position), -ABSURD, ABSURD)
 
-    Expected force, commanded velocity, position, start; where roles change reference, pull, bias; then phase and clock rate; and
-    where roles change for how long it has rested [s], whether anybody has moved, and for how long the partner has spoken against
-    being led and has held it [s].
+
+def goals_shown(where: Whereabouts) -> Mapping[str, Array]:
+    """The probability of each goal, where there are several."""
+    return {"goal": where.goals} if len(where.goals) > 1 else {}
+
+
+def off_path(outside_m: float, complies_only: bool, moves_over: bool) -> str:
+    """What there is to say about a start beside the path."""
+    if complies_only:
+        return f"outside what was taught by {outside_m:.2f} m: complies only"
+    return f"outside what was taught by {outside_m:.2f} m: moves over to it" if moves_over else ""
+
+
+def memory(n_axes: int) -> Array:
+    """What a skill of this law remembers, as kernels/_law.h shares it: seven vectors and seven numbers.
+
+    Expected force, commanded velocity, position, start and, where roles change, reference, pull, bias; then phase and clock rate;
+    and where roles change for how long it has rested [s], whether anybody has moved, for how long the partner has spoken against
+    being led and has held it [s], and the goal that it was told, negative for none.
     """
-    return np.zeros(7 * n_axes + 6)
+    return np.zeros(7 * n_axes + 7)
 
 
 def compiled(
     watch: Watch,
     pace: Pace,
     compliance: Compliance,
+    where: Whereabouts,
     memory: Array,
     dt: float,
     *,
     following: CollaborativeLaw | None = None,
     policy: Sequence[float] = (0.0,) * 11,
-    task: Array | None = None,
     pull_s: float = 1.0,
     bias_s: float = 1.0,
     bank: Any = None,
 ) -> Any:
     """The tick of a skill made of these parts, in C and over their arrays; None where nothing could be compiled.
 
-    following, policy, task, pull_s, bias_s, bank   of a skill that changes its role, see `skills.roles`
+    following, policy, pull_s, bias_s, bank   of a skill that changes its role, see `skills.roles`
     """
-    d, table = pace.reference.position.shape[1], pace.reference
+    d = len(pace.expected)
     if watch.filter.compiled is None or d > 6 or len(watch.seen) not in (d, 2 * d):
         return None
+    tables = tuple(
+        np.concatenate([getattr(r, name) for r in pace.references]) for name in ("position", "velocity", "force", "way")
+    )
+    goals = np.array([(len(r.way), r.step_s, r.top_speed, r.slack_m) for r in pace.references])
     return kernels.native.Law(
         watch.filter.compiled, np.array(astuple(pace.law)), np.array(astuple(following or pace.law)), np.array(policy),
-        np.zeros(2 * d) if task is None else task,
-        table.position, table.velocity, table.force, compliance.memory, pace.memory, memory, watch.until, watch.seen,
-        d, dt, watch.model_dt, table.step_s, pace.top_speed, pull_s, bias_s, bank,
+        (*tables, goals), compliance.memory, pace.memory, memory, watch.until, watch.seen,
+        (where.stations, where.firsts, where.memory, where.goals), d, dt, watch.model_dt, pull_s, bias_s, bank,
     )  # fmt: skip
-
-
-def outside_taught(reference: PhaseReference, position: Array) -> float:
-    """How far `position` (d,) lies outside the box of the reference's positions [m]; negative inside."""
-    low, high = reference.position.min(axis=0), reference.position.max(axis=0)
-    return float(np.maximum(low - position, position - high).max())
 
 
 def command_velocity(law: CollaborativeLaw, dt: float, x: Array, wanted: Array, velocity: Array, command: Command) -> None:
     """Moves `velocity` (d,) toward `wanted` no faster than the law's acceleration, and fills `command` from it."""
-    limit = law.max_acceleration_m_per_s2 * dt
-    for i, (p, w, v) in enumerate(zip(x.tolist(), wanted.tolist(), velocity.tolist(), strict=True)):
-        change = min(max(w - v, -limit), limit)
+    limit, before = law.max_acceleration_m_per_s2 * dt, velocity.tolist()
+    changes = [w - v for w, v in zip(wanted.tolist(), before, strict=True)]
+    size = length(changes)
+    share = limit / size if size > limit else 1.0
+    for i, (p, v, change) in enumerate(zip(x.tolist(), before, changes, strict=True)):
+        change *= share
         v += change
         velocity[i] = v
         command.velocity[i] = v + law.lead_s / dt * change
         command.position[i] = p + dt * v
         command.acceleration[i] = change / dt
-
-
-def _largest(values: list[float]) -> float:
-    return max(map(abs, values))
 
 
 def _finite(values: Array) -> bool:

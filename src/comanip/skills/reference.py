@@ -9,10 +9,12 @@ from ..interfaces import Array
 from ..models.clock import PHASE
 from ..models.gmm import Gmm
 from ..models.gmr import regress
+from ..models.taught_path import MOVING, POINTS_PER_S, TaughtPath
 
-MOVING = 0.03  # share of the top speed that counts as motion
-POINTS_PER_S = 100
 SMOOTHING_S = 0.5  # a few Gaussians over phase make a staircase of speeds; nobody lifts in steps
+RESTING = 0.05  # share of the top speed below which the task rests
+AT_START = 0.08  # share of the extent: who begins so near to where lessons began, begins where they did
+AS_NEAR = 0.1  # share of the extent: parts of the path that lie so near to the nearest one are as near
 
 
 class PhaseReference:
@@ -20,20 +22,42 @@ class PhaseReference:
 
     duration_s   of the usual motion [s]
     position, velocity, force   (N, d) at N equal steps of phase; velocity is d position / d phase
+    way          (N,) length of the path up to each row [m]; extent_m, how far from its start it ever leads
+    spread       (N,) how far lessons lay from it [m]
+    slack_m      how much earlier than this the shortest lesson ended, along the last of the way
     """
 
-    def __init__(self, position: Array, force: Array, step_s: float) -> None:
+    def __init__(
+        self, position: Array, force: Array, step_s: float, *, spread: Array | None = None, ends: Array | None = None
+    ) -> None:
         self.position, self.force, self.step_s = np.ascontiguousarray(position), np.ascontiguousarray(force), step_s
         self.duration_s = step_s * (len(position) - 1)
         self.velocity = np.gradient(self.position, step_s, axis=0)
         self.velocity[[0, -1]] = 0.0
+        self.way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.position, axis=0), axis=1))])
+        self.length_m = float(self.way[-1])
+        self.extent_m = float(np.linalg.norm(self.position - self.position[0], axis=1).max())
+        self.top_speed = float(np.linalg.norm(self.velocity, axis=1).max())
+        self.spread = np.zeros(len(position)) if spread is None else spread
+        self.slack_m = (
+            0.0 if ends is None else max(0.0, float(((self.position[-1] - ends) @ self.heading(self.duration_s)).max()))
+        )
         self._last = len(position) - 1
         # the same tables as floats: of one or two axes Python's own arithmetic takes a fifth of numpy's time
-        self._rows = {"position": position.tolist(), "velocity": self.velocity.tolist(), "force": force.tolist()}
+        self._rows = {"position": self.position.tolist(), "velocity": self.velocity.tolist(), "force": self.force.tolist()}
+        self._way = self.way.tolist()
+
+    @classmethod
+    def taught(cls, path: TaughtPath) -> PhaseReference:
+        """The path that the lessons share."""
+        return cls(path.position, path.force, path.step_s, spread=path.spread, ends=path.ends)
 
     @classmethod
     def learned(cls, clock: Gmm, end: Array | None = None) -> PhaseReference:
-        """What GMR from the clock's phase expects; `end` (d,) [m] is where the lessons ended on average, if known."""
+        """What GMR from the clock's phase expects, for skills that store no path; `end` (d,) [m] is lessons' mean end.
+
+        A few Gaussians over phase: good for one way there, smoother than was taught at corners, and without cycles.
+        """
         first = clock.channels.index(PHASE)
         centre, spread = clock.means[:, first], np.sqrt(clock.covariances[:, first, first])
         low, high = float((centre - 3 * spread).min()), float((centre + 3 * spread).max())
@@ -51,10 +75,9 @@ class PhaseReference:
         position = cls._expected(clock, "position", phase)
         start = position[: max(moving[0], 1)].mean(axis=0)
         path = start + np.cumsum(velocity[part], axis=0) * step_s
-        if end is not None:
-            whole = path[-1] - start
-            stretch = np.where(np.abs(whole) > 0.01, (end - start) / np.where(np.abs(whole) > 0.01, whole, 1.0), 1.0)
-            path = start + (path - start) * np.clip(stretch, 0.5, 2.0)
+        if end is not None:  # by an addition along the way: a factor on net displacement has no meaning where a path returns
+            way = np.cumsum(speed[part])
+            path += (way / way[-1])[:, None] * (end - path[-1])
         # F is what the partner does beyond carrying his share: at rest nothing, so offsets of a sensor are not expected again
         felt = _smoothed(force, step_s)[part]
         return cls(path, felt - np.linspace(felt[0], felt[-1], len(felt)), step_s)
@@ -90,6 +113,20 @@ class PhaseReference:
         rows = self._rows[name]
         return [(1.0 - share) * a + share * b for a, b in zip(rows[n], rows[n + 1], strict=True)]
 
+    def remaining_m(self, phase_s: float) -> float:
+        """Length of the path from `phase_s` [s] to its end [m]."""
+        place = min(max(phase_s / self.step_s, 0.0), float(self._last))
+        n = min(int(place), self._last - 1)
+        share = place - n
+        return self.length_m - ((1.0 - share) * self._way[n] + share * self._way[n + 1])
+
+    def heading(self, phase_s: float, ahead_m: float | None = None) -> Array:
+        """Direction (d,) of the path over the `ahead_m` after `phase_s` (default: a tenth of the extent); at its end its last."""
+        ahead_m = 0.1 * self.extent_m if ahead_m is None else ahead_m
+        now = min(float(np.interp(phase_s, self._phases(), self.way)), self.length_m - ahead_m)
+        here, there = (np.array([np.interp(w, self.way, column) for column in self.position.T]) for w in (now, now + ahead_m))
+        return np.asarray((there - here) / max(float(np.linalg.norm(there - here)), 1e-300))
+
     def closest(self, position: Array, near_s: float, reach_s: float = 0.15) -> float:
         """Phase [s] whose expected position is closest to `position` (d,), searched within `reach_s` of `near_s`."""
         low = max(int((near_s - reach_s) / self.step_s), 0)
@@ -102,9 +139,37 @@ class PhaseReference:
             total += apart[:, n]
         return (low + int(total.argmin())) * self.step_s
 
-    def nearest(self, position: Array) -> float:
-        """Phase [s] whose expected position is closest to `position` (d,), wherever it is."""
-        return self.closest(position, 0.5 * self.duration_s, self.duration_s)
+    @property
+    def longest_rest_s(self) -> float:
+        """The longest rest in the middle [s]."""
+        still = np.linalg.norm(self.velocity, axis=1)[1:-1] < RESTING * self.top_speed
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int))).reshape(-1, 2)
+        inside = [high - low for low, high in edges if low > 0 and high < len(still)]
+        return float(max(inside, default=0) * self.step_s)
+
+    def outside_m(self, position: Array) -> float:
+        """How far `position` (d,) lies from the nearest point of the path [m]."""
+        return float(np.linalg.norm(self.position - position, axis=1).min())
+
+    def entry(self, position: Array, last_s: float | None = None) -> float:
+        """Phase [s] at which to enter from rest at `position` (d,): the nearest point of the path.
+
+        Of parts that are as near (a path that returns, crosses itself or repeats) the first, or, to go on after an interruption,
+        the one nearest along the way to the phase `last_s` [s] where it was.
+        """
+        apart = np.linalg.norm(self.position - position, axis=1)
+        if last_s is None and apart[0] <= max(AT_START * self.extent_m, 3.0 * float(self.spread[0])):
+            return 0.0
+        near = apart <= apart.min() + AS_NEAR * self.extent_m
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+        parts = [low + int(apart[low:high].argmin()) for low, high in edges.reshape(-1, 2)]
+        if last_s is None:
+            return parts[0] * self.step_s
+        was = self.length_m - self.remaining_m(last_s)
+        return float(min(parts, key=lambda n: abs(self._way[n] - was)) * self.step_s)
+
+    def _phases(self) -> Array:
+        return np.asarray(self.step_s * np.arange(len(self.position)))
 
 
 def _smoothed(table: Array, step_s: float) -> Array:

@@ -11,7 +11,7 @@ never a jump:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from math import exp, isfinite, log
 
@@ -21,12 +21,29 @@ from ..errors import MismatchError
 from ..interfaces import Array, Command, Observation
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
-from ..signals.vectors import dot, length, plain_sum
-from .collaborate import CollaborativeLaw, Compliance, Pace, Watch, command_velocity, compiled, memory, outside_taught
+from ..signals.vectors import length, plain_sum
+from .collaborate import (
+    ABSURD,
+    LED_S,
+    SAID_M,
+    CollaborativeLaw,
+    Compliance,
+    Pace,
+    Watch,
+    believable,
+    command_velocity,
+    compiled,
+    goals_shown,
+    memory,
+    off_path,
+)
 from .reference import PhaseReference
+from .whereabouts import Whereabouts
 
 GAINS = (0.1, 0.2, 0.4, 0.8)  # how strong this partner is beside those of the lessons
 FOLLOWS, PROBES, LEADS = "follows", "offers to lead", "leads"
+LATER = 1.5  # other people rest longer than those of the lessons
+AROUND_S = 1.0  # so much of the path around where it is thought to be may be where it is
 BIAS_S = 1.5  # how fast a force at rest, before the first motion, is taken for the sensor's
 PULL_S = 0.08  # smoothing of the force that decisions are made on
 SHARED = (  # of RolePolicy, with kernels/_law.h
@@ -34,7 +51,6 @@ SHARED = (  # of RolePolicy, with kernels/_law.h
     "midway_patience_s", "finished_m", "held_s",
 )  # fmt: skip
 GROUPS = ("position", "force", "velocity")
-ABSURD = 1e6  # no robot is so far away, so fast or so strong, in any unit: it counts as missing
 
 
 @dataclass(frozen=True)
@@ -68,9 +84,10 @@ class RoleEvidence:
         means = np.concatenate([m.means for m in models.values()])
         variances = np.concatenate([np.einsum("kii->ki", m.covariances) for m in models.values()])
         order = next(iter(models.values())).channels
+        groups = np.array([c.split(".")[0] for c in order])
         self._centre = means.mean(axis=0)
-        self._spread = np.sqrt(2.25 * (means.var(axis=0) + variances.mean(axis=0)))
-        noise = self._noise(order, means)
+        self._spread = np.sqrt(2.25 * _of_group(groups, means.var(axis=0) + variances.mean(axis=0)))
+        noise = self._noise(groups, means)
         self._filters = [ForwardFilter(_heard(model, gain, noise), GROUPS) for model in models.values() for gain in GAINS]
         place = [order.index(c) for c in self._filters[0].channels]
         self._centre, self._spread = self._centre[place], self._spread[place]
@@ -86,11 +103,11 @@ class RoleEvidence:
             self.bank = (filters, self._prior, self._centre, self._spread, numbers, self._p, self.probabilities, self._until)
         self.reset()
 
-    def _noise(self, channels: tuple[str, ...], means: Array) -> Array:
+    def _noise(self, groups: Array, means: Array) -> Array:
+        places = means[:, groups == "position"]
+        range_m = float(np.linalg.norm(places[:, None] - places[None], axis=2).max())  # of one axis: the range of its centres
         size = {"force": self._doubts.force_n, "velocity": self._doubts.velocity_m_per_s}
-        return np.array(
-            [size.get(c.split(".")[0], self._doubts.position_share * float(np.ptp(means[:, i]))) for i, c in enumerate(channels)]
-        )
+        return np.array([size.get(group, self._doubts.position_share * range_m) for group in groups])
 
     def reset(self) -> None:
         for one in self._filters:
@@ -104,8 +121,13 @@ class RoleEvidence:
         self._until[0] -= elapsed_s
         if self._until[0] > 1e-9:
             return
-        self._until[0] += self._dt
-        seen = np.where(np.abs(seen) < ABSURD, seen, np.nan)
+        seen = np.where(np.abs(seen) < ABSURD, seen, np.nan)  # counts as missing
+        while self._until[0] <= 1e-9:  # a slower loop says each sample for all the time that it stood for
+            self._until[0] += self._dt
+            self._hear(seen)
+        self._tell()
+
+    def _hear(self, seen: Array) -> None:
         for one in self._filters:
             one.step(seen)
         said = [*(one.last_log_likelihood for one in self._filters), self._of_neither(seen.tolist())]
@@ -117,7 +139,6 @@ class RoleEvidence:
         ]
         total = plain_sum(p)
         self._p[:] = [one / total for one in p]
-        self._tell()
 
     def _of_neither(self, seen: list[float]) -> float:
         """Log-density of the broad Gaussian, missing channels integrated out."""
@@ -132,6 +153,11 @@ class RoleEvidence:
         """A role's probability is that of all its strengths."""
         p, n = self._p.tolist(), len(GAINS)
         self.probabilities[:] = [plain_sum(p[i : i + n]) for i in range(0, len(p), n)]
+
+
+def _of_group(groups: Array, variances: Array) -> Array:
+    """The mean variance of a channel's group, for each channel: the same however the axes are turned."""
+    return np.array([variances[groups == group].mean() for group in groups])
 
 
 def _heard(model: Hmm, gain: float, noise: Array) -> Hmm:
@@ -149,7 +175,7 @@ class RolePolicy:
     midway_patience_s: float = 2.0  # at rest short of where lessons ended: so long is a pause, longer is handing over
     resting_m_per_s: float = 0.02
     resting_n: float = 1.2
-    finished_m: float = 0.02  # nearer to the shortest lesson's end, or beyond it, the task is done; so is one that he put back
+    finished_m: float = 0.02  # less of the way to the shortest lesson's end, and the task is done; so is one that was put back
     probe_n: float = 1.8  # taking over begins with a push of no more than this,
     probe_m: float = 0.05  # and is meant from here on: who gives way so far does not hold on to his place
     probe_s: float = 0.6  # in so long a push moves something,
@@ -163,17 +189,34 @@ class RolePolicy:
     insist_s: float = 0.3
     blend_s: float = 0.5
 
+    @staticmethod
+    def taught(references: Sequence[PhaseReference], onsets_s: Array) -> RolePolicy:
+        """The defaults, but as patient as the lessons ask: with late beginners, and where the task itself rests on the way.
+
+        onsets_s   (lessons,) how long those who led the robot rested before they began [s]; empty: not known
+        """
+        usual, latest = RolePolicy(), float(np.max(onsets_s, initial=0.0))
+        pause = max(r.longest_rest_s for r in references)
+        return replace(
+            usual,
+            start_patience_s=max(usual.start_patience_s, LATER * latest),
+            midway_patience_s=max(usual.midway_patience_s, LATER * pause),
+        )
+
 
 class RoleSkill:
     """Leads or follows, as the partner leaves it to do; both from lessons of those roles.
 
-    watch      shows where in the leader's task this is
-    leads      begins as the leader, as it was told to; else as a follower
+    watch        shows where in the leader's task this is
+    references   the path to each goal; `goal` is the number of the one to lead to, None: the one that the partner seems to mean,
+                 and before anybody has moved the first
+    leads        begins as the leader, as it was told to; else as a follower
     evidence   who leads, from the models; None where the role was told
 
     Diagnostics: weights (K,) of the leader's states, role (n,) probabilities of `evidence.names` if there is evidence, blend a
     in [0, 1] (1 leads), phase [s], clock rate, expected force, compliance velocity. `notice` says what it does when that is not
-    what it was told: "follows", "offers to lead", "leads".
+    what it was told: "follows", "offers to lead", "leads". All that is asked of the way, how much of it remains and where it goes
+    next, is measured along the path.
     """
 
     stop_reason = ""
@@ -181,8 +224,7 @@ class RoleSkill:
     def __init__(
         self,
         watch: Watch,
-        reference: PhaseReference,
-        ends: Array,
+        references: PhaseReference | Sequence[PhaseReference],
         *,
         leading: CollaborativeLaw,
         following: CollaborativeLaw,
@@ -191,28 +233,29 @@ class RoleSkill:
         leads: bool = False,
         evidence: RoleEvidence | None = None,
         policy: RolePolicy = RolePolicy(),
+        goal: int | None = None,
     ) -> None:
-        self._watch, self._told_to_lead = watch, leads
-        self.evidence, self.reference, self.policy = evidence, reference, policy
+        self._watch, self._told_to_lead, self._told = watch, leads, goal
+        self.evidence, self.policy = evidence, policy
         self._dt, d = dt, len(axes)
-        way = reference.position[-1] - reference.position[0]
-        self._task = np.array([ends.min(axis=0), way / max(_length(way), 1e-9)])  # where lessons end, and the direction
-        self._end, self._way = self._task
         self._laws = [_between(following, leading, n / 50.0) for n in range(51)]
         # to who gives way, an offer must not be held up by what keeps a resting hand still
         self._offering = replace(leading, resting_damping_ns_per_m=leading.moving_damping_ns_per_m, dead_zone_n=0.0)
-        self._pace = Pace(reference, leading, dt)
+        self._pace = Pace(references, leading, dt)
+        self._where = Whereabouts(self._pace.references, dt)
         self._compliance = Compliance(d, dt)
         self._memory = memory(d)
         self._expected, self._velocity, self._position, self._start, *others = self._memory[: 7 * d].reshape(7, d)
         self._reference, self._pull, self._bias = others
-        numbers = self._memory[7 * d :].reshape(6, 1)
-        self._phase, self._rate, self._rest_s, self._moved, self._against_s, self._held_s = numbers
+        numbers = self._memory[7 * d :].reshape(7, 1)
+        self._phase, self._rate, self._rest_s, self._moved, self._against_s, self._held_s, told = numbers
+        told[0] = -1.0 if goal is None else goal
         self._nothing, self._seen, self._blend = np.zeros(d), np.zeros(3 * d), np.zeros(1)
-        self._complies_only = False
+        self._way = np.zeros(d)  # where an offer pushes
+        self._complies_only, self._outside = False, 0.0
         self._state = FOLLOWS
         self._compiled = compiled(
-            watch, self._pace, self._compliance, self._memory, dt, following=self._laws[0], task=self._task,
+            watch, self._pace, self._compliance, self._where, self._memory, dt, following=self._laws[0],
             policy=[getattr(policy, name) for name in SHARED], pull_s=PULL_S, bias_s=BIAS_S, bank=evidence and evidence.bank,
         )  # fmt: skip
         self._go_on: Callable[..., bool] | None = None  # the compiled tick of a state; it says itself when that may change
@@ -228,30 +271,49 @@ class RoleSkill:
             "clock_rate": self._rate,
             "expected_force": self._expected,
             "compliance": self._compliance.velocity,
+            **goals_shown(self._where),
         }
 
     @property
+    def reference(self) -> PhaseReference:
+        """The path of the goal that it leads to, or takes the partner to mean."""
+        return self._pace.references[self._goal]
+
+    @property
+    def _goal(self) -> int:
+        return self._where.goal if self._told is None else self._told
+
+    @property
     def notice(self) -> str:
-        if self._complies_only:
-            return f"outside what was taught by {self._outside:.2f} m: complies only"
-        return "" if self._state == LEADS and self._told_to_lead else self._state
+        off = off_path(self._outside, self._complies_only, self._state == LEADS and self._pace.off_m > SAID_M)
+        return off or ("" if self._state == LEADS and self._told_to_lead else self._state)
 
     def reset(self, obs: Observation) -> None:
+        self._enter(obs, None)
+
+    def resume(self, obs: Observation) -> None:
+        """As `reset`, from rest where the hand is, but in the part of the task in which it was."""
+        self._enter(obs, float(self._phase[0]))
+
+    def _enter(self, obs: Observation, last_s: float | None) -> None:
+        goal = self._goal if last_s is not None else self._told or 0
         self._watch.reset()
         if self.evidence is not None:
             self.evidence.reset()
-        self._memory[:] = 0.0
-        self._position[:] = self._start[:] = np.nan_to_num(obs.position)
+        self._memory[:-1] = 0.0
+        self._position[:] = self._start[:] = believable(obs.position)
         self._compliance.reset()
-        delay = self._pace.law.start_delay_s
-        self._pace.start(-delay if self._told_to_lead else 0.0, self._position)
+        entry_s = [r.entry(self._position, last_s) for r in self._pace.references]
+        self._where.reset(self._position, goal, entry_s)
+        self._pace.start(entry_s[goal], self._position, goal=goal, waits_s=self._pace.law.start_delay_s)
+        self._phase[0] = entry_s[goal]
         self._state = LEADS if self._told_to_lead else FOLLOWS
         self._gives, self._answers = False, 0
         self._place: Array | None = None  # where an offer was begun, or answered
         self._gave_way = self._put_back = False
         self._reached = self._push = 0.0
-        self._outside = outside_taught(self.reference, self._position)
-        self._complies_only = self._outside > self._laws[0].reach_m
+        self._outside = min(r.outside_m(self._position) for r in self._pace.references)
+        self._complies_only = self._outside > self._pace.law.reach_m
         if self._complies_only:
             self._state = FOLLOWS
         self._meant = self._blend[0] = float(self._state == LEADS)
@@ -284,6 +346,9 @@ class RoleSkill:
         self._pull += min(self._dt / PULL_S, 1.0) * (force - self._pull)
         if not self._complies_only:
             {FOLLOWS: self._take_over_if_nobody_leads, PROBES: self._probe, LEADS: self._give_way_if_he_insists}[self._state](x)
+        if self._state != LEADS:
+            self._where.step(x.tolist(), self._velocity.tolist())
+            self._phase[0] = self._where.phase
         a, reference = self._blended(), self._nothing
         if a > 0.0:
             reference = self._led(x, force)
@@ -327,15 +392,19 @@ class RoleSkill:
         if self._place is not None and _length(x - self._place) > policy.probe_m:
             self._answers, self._place = 0, None
         offers = policy.offers_at_start if _length(x - self._start) <= policy.probe_m else 1
-        unfinished = dot((self._end - x).tolist(), self._way.tolist()) > policy.finished_m
-        if self._rest_s[0] >= patience and unfinished and self._answers < offers and not self._he_put_it_back(x):
+        if self._rest_s[0] >= patience and self._unfinished() and self._answers < offers and not self._was_put_back(x):
             self._place = x.copy()
+            self._way[:] = self.reference.heading(self._where.phase)
             self._reached = self._push = self._meant = self._held_s[0] = 0.0
             self._gives = False
             self._begin(PROBES)
 
-    def _he_put_it_back(self, x: Array) -> bool:
-        """After the robot gave way, he brought it back to where it began: he does not want the task done."""
+    def _unfinished(self) -> bool:
+        reference = self.reference
+        return reference.remaining_m(self._where.phase) - reference.slack_m > self.policy.finished_m
+
+    def _was_put_back(self, x: Array) -> bool:
+        """After the robot gave way, the partner brought it back to where it began, and does not want the task done."""
         self._put_back = self._put_back or (self._gave_way and _length(x - self._start) < self.policy.finished_m)
         return self._put_back
 
@@ -345,7 +414,8 @@ class RoleSkill:
         assert self._place is not None
         far, along = float((x - self._place) @ self._way), float(self._pull @ self._way)
         if far > policy.probe_m:
-            self._pace.start(self.reference.nearest(x), x)
+            s = self.reference.closest(x, self._where.phase, AROUND_S)
+            self._pace.start(s, x, goal=self._goal, eases=False)  # what it means grows anyway
             self._begin(LEADS)
             return
         self._gives = self._gives or far > 2.0 * policy.progress_m
@@ -367,7 +437,7 @@ class RoleSkill:
         policy, wanted = self.policy, self._pace.velocity
         along, speed = float(self._pull @ wanted) / max(_length(wanted), 1e-3), _length(self._velocity)
         pushed = -along > policy.insist_n + policy.insist_ns_per_m * speed
-        under_way = self._pace.phase > policy.insist_s and self._meant >= 1.0
+        under_way = self._pace.clock[LED_S] > policy.insist_s and self._meant >= 1.0 and _length(wanted) > policy.resting_m_per_s
         held = under_way and speed < policy.held_m_per_s and _length(self._pull) > policy.resting_n
         self._held_s[0] = max(self._held_s[0] + (self._dt if held else -self._dt), 0.0)
         if self._answered(pushed or along > policy.ahead_n, policy.insist_s) or self._held_s[0] >= policy.held_s:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from ..errors import ParameterError
 from ..interfaces import Skill
 from ..learned.skill import LearnedSkill
-from ..reproduction import enveloped, make_auto, make_skill
+from ..reproduction import enveloped, make_auto, make_skill, references_of
 from ..skills.baselines import ActivePassive, Homotopy, MassDamper, MinimumJerkFollower, RigidMinimumJerk, VariableDamping
 from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill, Watch
 from ..skills.reference import PhaseReference
@@ -38,7 +38,7 @@ def _own(law: str) -> Maker:
         if role == "auto":
             if law != "default":
                 raise ParameterError(f"law {law!r} has to be told its role; auto works with: default, {', '.join(_UNTOLD)}")
-            return make_auto(learned, axes=learned["leader"].axes, dt=dt, envelope=envelope)
+            return make_auto(learned, axes=learned["leader"].axes, dt=dt, law=law, envelope=envelope)
         one = learned[role]
         return make_skill(one, axes=one.axes, dt=dt, law=law, role=role, envelope=envelope)
 
@@ -72,16 +72,14 @@ def _variable_damping(role: str, learned: Mapping[str, LearnedSkill], dt: float)
 def _leading_by_minimum_jerk(learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
     """From the lessons' start to their mean end in their usual time, with the compliance of the default law's leader."""
     one = _any(learned)
-    assert one.clock is not None
     return CollaborativeSkill(
         one.model,
-        one.clock,
+        PhaseReference.minimum_jerk(references_of(one)[0]),
         role="leader",
         axes=one.axes,
         dt=dt,
         model_dt=one.dt,
         law=CollaborativeLaw.for_role("leader", yield_gain_per_n=0.0),
-        reference=PhaseReference.minimum_jerk(PhaseReference.learned(one.clock, one.ends.mean(axis=0))),
     )
 
 
@@ -95,20 +93,18 @@ def _minimum_jerk(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> 
 
 def _straight(one: LearnedSkill) -> PhaseReference:
     """From where the lessons began to where they ended on average, in their usual time."""
-    assert one.clock is not None
-    return PhaseReference.minimum_jerk(PhaseReference.learned(one.clock, one.ends.mean(axis=0)))
+    return PhaseReference.minimum_jerk(references_of(one)[0])
 
 
 def _without_lessons(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    """The default law with a straight minimum jerk for what was learned; told nothing it has the path, and no evidence."""
     if role == "follower":
         one = learned[role]
         return make_skill(one, axes=one.axes, dt=dt, law="default", role=role, envelope=False, anticipation=0.0)
     one = learned["leader"]
-    reference = PhaseReference.learned(one.clock, one.ends.mean(axis=0)) if role == "auto" and one.clock else _straight(one)
     return RoleSkill(
         Watch(one.model, one.dt, dt),
-        reference,
-        one.ends,
+        references_of(one) if role == "auto" else _straight(one),
         leading=CollaborativeLaw.for_role("leader"),
         following=CollaborativeLaw.for_role("follower"),
         axes=one.axes,
