@@ -45,7 +45,7 @@ static void minimum_jerk(double s, double *out) {
 }
 
 /* The rest of Along.at: what the sampled curve adds. */
-static void sample(const Beam *b, int i, double time, double *x, double *v, double *a) {
+static void course_at(const Beam *b, int i, double time, double *x, double *v, double *a) {
     const double last = b->n_rows - 1, asked = (time - b->curve_start) / b->curve_step;
     const double place = asked <= 0.0 ? 0.0 : asked < last ? asked : last;
     const int n = (int)place < b->n_rows - 2 ? (int)place : b->n_rows - 2;
@@ -69,7 +69,7 @@ static void intend(Beam *b, int i, double time, double *x, double *v, double *a)
         *v += leg->far[i] * unit[1] / leg->duration;
         *a += leg->far[i] * unit[2] / pow(leg->duration, 2.0);
     }
-    if (b->n_rows && moves) sample(b, i, time, x, v, a);
+    if (b->n_rows && moves) course_at(b, i, time, x, v, a);
     e->planned_speed = *v;
     if (h->yields == 0.0 || !moves) return;
     const Felt before = e->past[e->oldest];
