@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from .errors import MismatchError, ParameterError
@@ -10,7 +10,7 @@ from .interfaces import Skill
 from .learned.skill import LearnedSkill, check_fits
 
 if TYPE_CHECKING:
-    from .safety.envelope import Limits
+    from .safety.limits import Limits
     from .skills.collaborate import CollaborativeLaw
     from .skills.roles import RolePolicy
 
@@ -30,13 +30,14 @@ def make_skill(
 
     law       "default" or "paper"; None takes the skill's own, with its stored settings
     role      only for a skill that states none; another role than the stated is a MismatchError
-    envelope  the safety envelope around it (docs/safety.md): on, off, or on with these Limits
+    envelope  the safety envelope around it (docs/safety.md): on, with walls and speed as taught; off; or on with these Limits, with
+              walls as taught where they state none
     gives_way whether a leader under the default law gives way to a partner who insists; False only where nobody is: recorded
               force that is played back cannot answer
     settings  of the law, on top of the stored ones
     """
     skill = _law(learned, axes=axes, dt=dt, law=law, role=role, gives_way=gives_way, settings=settings)
-    return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=None if envelope is True else envelope)
+    return skill if envelope is False else enveloped(skill, [learned], axes=axes, dt=dt, limits=_stated(envelope))
 
 
 def make_auto(
@@ -62,7 +63,7 @@ def make_auto(
     models = {role: learned[role].model for role in ("leader", "follower", "natural") if role in learned}
     evidence = RoleEvidence(models, dt=learned["leader"].dt)
     skill = _role_skill(learned["leader"], CollaborativeLaw.for_role("leader"), axes, dt, evidence=evidence, policy=policy)
-    return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=None if envelope is True else envelope)
+    return skill if envelope is False else enveloped(skill, list(learned.values()), axes=axes, dt=dt, limits=_stated(envelope))
 
 
 def _role_skill(learned: LearnedSkill, law: CollaborativeLaw, axes: tuple[str, ...], dt: float, **about: Any) -> Skill:
@@ -86,11 +87,19 @@ def _role_skill(learned: LearnedSkill, law: CollaborativeLaw, axes: tuple[str, .
     )
 
 
-def enveloped(skill: Skill, *, axes: tuple[str, ...], dt: float, limits: Limits | None = None) -> Skill:
-    """`skill` within the safety envelope."""
-    from .safety.envelope import Envelope, Limits
+def _stated(envelope: bool | Limits) -> Limits | None:
+    return None if isinstance(envelope, bool) else envelope
 
-    return Envelope(skill, axes=axes, dt=dt, limits=limits or Limits())
+
+def enveloped(
+    skill: Skill, learned: Sequence[LearnedSkill] = (), *, axes: tuple[str, ...], dt: float, limits: Limits | None = None
+) -> Skill:
+    """`skill` within the safety envelope; its walls, where `limits` state none, and its speed, where there are no `limits`, are
+    those of what was `learned`."""
+    from .safety.envelope import Envelope
+    from .safety.limits import Limits, as_taught
+
+    return Envelope(skill, axes=axes, dt=dt, limits=as_taught(learned, limits) if learned else limits or Limits())
 
 
 def _law(
