@@ -9,19 +9,25 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from math import exp, inf, isfinite, pi
+from math import exp, inf, isfinite, nan, pi
 
 from ..interfaces import STANDARD_GRAVITY
 from ..signals.vectors import apart, dot, length
 
 WEIGHED_TICKS = 25
+STILL_S = 0.15  # what nobody pulls stays the same over this; a person who pulls down goes on to more or to less
 SWING_S = 0.1  # an object that is let go swings on the wrist, at 10 Hz: the mean of one swing is its weight;
 SLOW_SWING_S = 0.16  # on a softer wrist at 6 Hz
 QUIET_S = 0.5  # over which a force's ordinary change from sample to sample is known
 SAME = (0.7, 1.3)  # a zero that moved stays where it is: so much of the jump is still there afterwards
+ANSWER_N = 0.7  # by which the softest arm's pull changes within the 1.6 cm that a hand gives way, 60 N/m
 LIGHT_N = 0.5  # a share that weighs less says nothing
 ALONE_SHARE = 0.35  # of its share: within this of carrying all alone, where that is less than `alone_n`
-CARRIES = 0.8  # of his share: who carries less may be letting go
+LACKS = (0.02, 0.12)  # of his share: who carries less by so much begins to count as letting go, and counts wholly;
+TURNS = (0.15, 0.3)  # so long after the hand went up as fast as this, he may be turning back
+TURNS_S, LED_UP_M_S = 2.0, 0.05
+PULLS, LACK_PEAK_S = 0.3, 2.0  # so much of his share was a pull, and is remembered so long
+YIELDS, PEAK_S = 0.8, 0.5  # of a push's peak, which is forgotten within so long
 AGAIN_S = 0.1  # he carries again, for so long: what was sunk is forgotten
 LIVELY = 8  # changes of a reading before it is known as one that never repeats itself:
 FINE = 0.25  # its smallest change is less than this of the mean one; steps of a coarse sensor are all as large
@@ -46,11 +52,11 @@ class LetGo:
 
     def __init__(self, n_axes: int, dt: float, *, alone_n: float, alone_s: float, steady_n_s: float, stands_m_s: float) -> None:
         self._alone_n, self._alone_s, self._stands_m_s = alone_n, alone_s, stands_m_s
-        self._most_apart_n = SWING_S / 2.0 * steady_n_s
+        self._most_apart_n = STILL_S * steady_n_s
         self.weight, self._weighed = [0.0] * n_axes, 0
         self._swing = max(round(SWING_S / dt), 1)
         self._pulls: deque[list[float]] = deque(maxlen=max(round(SLOW_SWING_S / dt), 1))
-        self._before: deque[list[float]] = deque(maxlen=1 + max(round(SWING_S / 2.0 / dt), 1))
+        self._before: deque[list[float]] = deque(maxlen=1 + max(round(STILL_S / dt), 1))
         self._for_s = 0.0
 
     def weigh(self, sensed: list[float], force: list[float], acceleration: list[float], at_rest: bool) -> None:
@@ -75,10 +81,9 @@ class LetGo:
             pull, slow = _mean([*self._pulls][-self._swing :]), _mean(self._pulls)
             self._before.append(pull)
             near = min(self._alone_n, ALONE_SHARE * load)
-            moves, steady = speed > self._stands_m_s, apart(self._before[0], pull) < self._most_apart_n
+            moves, still = speed > self._stands_m_s, apart(self._before[0], pull) < self._most_apart_n
             # on a softer wrist only the longer mean shows the weight; there a wall would show it too, so the hand must move
-            nobody = length(pull) < near and (moves or steady)
-            alone = nobody or (length(slow) < near and moves)
+            alone = (length(pull) < near and still) or (length(slow) < near and moves and still)
         self._for_s = self._for_s + period if alone else 0.0
         return self._for_s > self._alone_s
 
@@ -88,48 +93,63 @@ class LetGo:
         self._before.clear()
         self._for_s = 0.0
 
-    def nobody_pulls(self) -> bool:
-        """Of late, whatever came before: less than half of what a partner carries."""
-        return length(_mean(self._pulls)) < 0.5 * length(self.weight)
+    def pull(self) -> list[float]:
+        """What the partner pulled of late, mean over one swing of the object [N]."""
+        return _mean([*self._pulls][-self._swing :])
+
+    def nobody_pulls(self, before: Sequence[float]) -> bool:
+        """Still alone after the hand gave way; `before`, the pull was this. A person's changes with the way, nobody's does not."""
+        pull = self.pull()
+        return length(pull) < min(self._alone_n, ALONE_SHARE * self.load) and apart(pull, before) < ANSWER_N
 
 
 class Sinking:
-    """How far the hand went down [m], `sunk`, while the partner carried less than most of his share and did not pull down more
-    than nobody would: who lets go slowly, or hangs something on the object, goes through here, and so does who leads down
-    gently. A few centimetres tell them apart: the partner pulls harder, or carries again."""
+    """How far the hand went down [m], `sunk`, while the partner carried less than his share and did not pull down more than
+    nobody would: who lets go slowly, or hangs something on the object, goes through here, and so does who leads down gently.
+    A few centimetres tell them apart: the partner pulls harder, or carries again.
+
+    Who turns back has just led up, and leads on with a little less than his share; from rest as much is counted more.
+    """
 
     def __init__(self, alone_n: float) -> None:
         self._alone_n = alone_n
-        self.sunk, self._again_s = 0.0, inf
+        self.sunk, self._peak, self._again_s, self._since_up_s = 0.0, 0.0, inf, inf
 
     @property
     def hangs(self) -> bool:
         """Whether the partner carries too little just now, or did a moment ago."""
         return self._again_s < AGAIN_S
 
-    def step(self, load: float, weight: Sequence[float], force: Sequence[float], velocity: Sequence[float], period: float) -> None:
+    def step(self, weight: Sequence[float], load: float, force: Sequence[float], velocity: Sequence[float], period: float) -> None:
         if load <= LIGHT_N:
             return
-        more = dot(force, weight) / load  # along gravity, beyond the share
-        self._again_s = 0.0 if (1.0 - CARRIES) * load < more < load + self._alone_n else self._again_s + period
-        if not self.hangs:
-            self.sunk = 0.0
-        else:
-            self.sunk += max(dot(velocity, weight) / load, 0.0) * period
+        more, down = dot(force, weight) / (load * load), dot(velocity, weight) / load  # along gravity; more in shares
+        self._since_up_s = 0.0 if down < -LED_UP_M_S else self._since_up_s + period
+        least, whole = TURNS if self._since_up_s < TURNS_S else LACKS
+        self._peak = max(more, self._peak - period / LACK_PEAK_S * self._peak)
+        answers = self._peak > PULLS and more < YIELDS * self._peak  # a person's pull, which falls as the hand follows
+        doubtful = more < 1.0 + self._alone_n / load and not answers
+        counts = min(max((more - least) / (whole - least), 0.0), 1.0) if doubtful else 0.0
+        self._again_s = 0.0 if counts > 0.0 else self._again_s + period
+        self.sunk = self.sunk + counts * max(down, 0.0) * period if self.hangs else 0.0
 
 
 class Pushed:
-    """Work [J] of a force along the motion beyond what anybody leads with who feels the hand yield; `work` is the latest.
+    """Work [J] of a force along the motion that does not fall though the hand yields; `work` is the latest.
 
-    It sums what is beyond, and forgets as fast what is below: a partner's push is over when the hand has followed.
+    Whoever leads a hand that yields pulls less as it follows. A sensor that lies, or a weight, does not.
     """
 
     def __init__(self, usual_n: float) -> None:
         self._usual_n = usual_n
-        self.work = 0.0
+        self.work, self._peak = 0.0, 0.0
 
     def step(self, force: Sequence[float], velocity: Sequence[float], period: float) -> None:
-        self.work = max(self.work + (dot(force, velocity) - self._usual_n * length(velocity)) * period, 0.0)
+        speed = length(velocity)
+        along = dot(force, velocity) / speed if speed > 0.0 else 0.0
+        self._peak = max(along, self._peak - period / PEAK_S * self._peak)
+        beyond = along - self._usual_n if along > YIELDS * self._peak else -self._usual_n
+        self.work = max(self.work + beyond * speed * period, 0.0)
 
 
 class Stuck:
@@ -167,9 +187,9 @@ class Stuck:
 class Jump:
     """How far the zero of a force sensor moved at rest [N]: from one sample to the next, and for good. No person does that."""
 
-    def __init__(self, least_n: float, rest_s: float, stays_s: float) -> None:
+    def __init__(self, n_axes: int, least_n: float, rest_s: float, stays_s: float) -> None:
         self._least_n, self._rest_s, self._stays_s = least_n, rest_s, stays_s
-        self.last: list[float] = []
+        self.last = [nan] * n_axes
         self._usual, self._heard_s, self._still_s = 0.0, 0.0, 0.0
         self.pending: tuple[list[float], list[float]] | None = None  # the reading before, and the jump
         self._sum: list[float] = []
@@ -178,7 +198,9 @@ class Jump:
     def step(self, sensed: list[float], at_rest: bool, period: float) -> float:
         """Of one tick; a reading equal to the last one is the same sample, of a sensor slower than the ticks."""
         last = self.last
-        if not last or not all(map(isfinite, [*sensed, *last])):
+        if not all(map(isfinite, sensed)):
+            return 0.0
+        if not all(map(isfinite, last)):
             self.last = sensed
             return 0.0
         if self.pending is not None:

@@ -38,7 +38,10 @@ NAMES = ("RUN", "COMPLY", "HOLD")
 GONE = "let go: the hand carries the whole object"
 SINKS = "let go or loaded: more hangs on the hand than its share"
 STUCK = "force stuck"
+PUSHED = "pushed along with {:.0f} N: sensor, or a weight on it?"
 BLOCKED, LOST = "blocked", "let go"
+SINK_M_S2 = 1.0  # a hand that sinks slows down softly: a stop would swing the object, which feels like an answer
+SUNK = 0.9  # of what it may sink; nearer to its end it only creeps
 SINKS_S = 0.4  # it stands at the end of what it may sink, and nobody carries or pulls harder
 AGAIN_S = 8.0  # the longest wait before it tries again whether what blocked it has gone
 SAME_SAMPLE = 1e-3  # of a period: a stamp that advances by less is the same sample again, and its clock is not believed
@@ -86,7 +89,7 @@ class Envelope:
         self._is_lent = False
         self._restart(0.0, [0.0] * d)
         self._fault("not started")
-        if False and kernels.native is not None and d <= MOST_AXES:
+        if kernels.native is not None and d <= MOST_AXES:
             self._ordinary = Ordinary(self)
 
     if not TYPE_CHECKING:
@@ -211,10 +214,11 @@ class Envelope:
         self._at, self._v, self._force = list(position), [0.0] * d, [0.0] * d
         self._wanted, self._asked, self._period = [0.0] * d, [0.0] * d, 0.0
         self._known = True
-        self._senses = [False] * d
+        self._senses = [0.0] * d
         self._energy = self.limits.energy_j
         self._blocked_ns = self._impact_s = self._alone_s = self._rest_s = 0.0
         self._felt, self._at_first, self._rate, self._ticks = [0.0] * d, [0.0] * d, [0.0] * d, 0
+        self._cause, self._pulled = [0.0] * d, [0.0] * d
         self._held, self._feels_s, self._sinks_s = False, 0.0, 0.0
         self._passes, self._passed, self._passed_s, self._wait_s = False, "", 0.0, self.limits.passed_s
         limits = self.limits
@@ -224,7 +228,7 @@ class Envelope:
         )  # fmt: skip
         self._sinking, self._pushed = Sinking(limits.alone_n), Pushed(limits.pushed_n)
         self._stuck = Stuck(d, limits.stuck_s, limits.stuck_m)
-        self._jump = Jump(limits.jump_n, limits.jump_rest_s, limits.jump_stays_s)
+        self._jump = Jump(d, limits.jump_n, limits.jump_rest_s, limits.jump_stays_s)
         self._shaking = Shaking(d)
         self._checker.start(position)
         self._mode[0], self._confidence[0], self._tank[:] = RUN, 1.0, self.limits.energy_j
@@ -263,10 +267,12 @@ class Envelope:
         """HOLD until what it is has passed."""
         if self._state != HOLD:
             self._state, self._reason, self._passes, self._passed_s = HOLD, reason, True, 0.0
+            self._cause = list(self._force)
 
     def _comply(self, reason: str) -> None:
         if self._state == RUN:
             self._state, self._reason, self._passes, self._passed_s = COMPLY, reason, True, 0.0
+            self._cause = list(self._force)
 
     # one tick
 
@@ -282,7 +288,7 @@ class Envelope:
     def _step(self, obs: Observation, command: Command) -> None:
         """An ordinary tick is compiled, but for the skill's own; where there is anything to say, it is said here."""
         ordinary, inner = self._ordinary, self._inner
-        plain = self._is_lent and self._tells is None and self._timer is None
+        plain = self._is_lent and self._tells is None and self._timer is None and not obs.time - obs.force_time > self._stale
         if plain and ordinary.sense(obs.time, obs.position, obs.force, obs.velocity, obs.sensor_force):
             try:
                 self.skill.step(obs, inner)
@@ -314,7 +320,7 @@ class Envelope:
         """To the compiled tick, while nothing is under way that only the Python knows."""
         if self._ordinary is None or self._state != RUN or self._frozen is not None or self._confidence[0] < 1.0 or self._passed:
             return
-        if not self._first and self._ticks >= 5 and self._jump.last and self._jump.pending is None:
+        if not self._first and self._ticks >= 5 and self._jump.pending is None:
             self._ordinary.lend(self)
             self._is_lent = True
 
@@ -399,7 +405,8 @@ class Envelope:
         """What the sensor says; where it never says anything, the force. A reading that is missing is the last one again."""
         readings = []
         for i, (reading, f) in enumerate(zip(raw, force, strict=True)):
-            self._senses[i] = self._senses[i] or reading == reading
+            if reading == reading:
+                self._senses[i] = 1.0
             readings.append(reading if reading == reading else self._stuck.last[i] if self._senses[i] else f)
         return readings
 
@@ -430,16 +437,14 @@ class Envelope:
         """Blocked, let go, sinking, pushed, shaken, wrongly tared."""
         limits = self.limits
         speed, size = length(self._v), length(self._force)
-        if self._let_go.step(speed, period):
-            if speed > limits.stands_m_per_s:
-                self._pause(GONE)
-            else:  # or it presses on a wall with just that force, or somebody leans on it
-                self._comply(GONE)
-                self._feels_s = limits.feel_s
+        if self._let_go.step(speed, period):  # or it presses on a wall with just that force, or somebody leans on it
+            self._comply(GONE)
+            self._feels_s, self._pulled = limits.feel_s, self._let_go.pull()
         self._sink(period)
         self._pushed.step(self._force, self._v, period)
         if self._pushed.work > limits.pushed_j:
-            self._pause(f"pushed along with {size:.0f} N: sensor, or a weight on it?")
+            self._comply(PUSHED.format(size))
+            self._pushed = Pushed(limits.pushed_n)
         self._press(speed, period)
         if self._let_go.load <= LIGHT_N:
             self._miss(speed, size, period)
@@ -452,8 +457,8 @@ class Envelope:
 
     def _sink(self, period: float) -> None:
         """Down with a partner who carries too little: a few centimetres, and then no farther."""
-        self._sinking.step(self._let_go.load, self._let_go.weight, self._force, self._v, period)
-        ends = self._sinking.hangs and self._cap(self.limits.sink_m - self._sinking.sunk) <= 0.0
+        self._sinking.step(self._let_go.weight, self._let_go.load, self._force, self._v, period)
+        ends = self._sinking.hangs and self._sinking.sunk > SUNK * self.limits.sink_m
         self._sinks_s = self._sinks_s + period if ends else 0.0
         if self._sinks_s > SINKS_S:
             self._pause(SINKS)
@@ -485,23 +490,33 @@ class Envelope:
         """Complying; after a moment of it a wall is left behind, and an object that nobody holds is not."""
         self._shaking.step(self._force, period)
         self._sink(period)
+        self._pushed.step(self._force, self._v, period)
+        if self._pushed.work > self.limits.pushed_j:
+            self._pause(PUSHED.format(length(self._force)))
         if self._feels_s <= 0.0:
             if self._let_go.step(length(self._v), period):
                 self._pause(GONE)
             return
         self._feels_s -= period
-        if self._feels_s <= 0.0 and self._let_go.nobody_pulls():
+        if self._feels_s > 0.0:
+            return
+        if self._let_go.nobody_pulls(self._pulled):
             self._pause(GONE)
-        elif self._feels_s <= 0.0:
+        elif length(self._force) < 0.5 * self._let_go.load:
             self._reason = BLOCKED
+        else:  # somebody answers, and is followed
+            self._let_go.forget()
+            self._goes_on(GONE)
 
     def _recover(self, obs: Observation, period: float) -> None:
-        """Goes on by itself, faded in, when the force has been quiet for a while; where nobody was felt, when somebody is."""
-        limits, load, size = self.limits, self._let_go.load, length(self._force)
-        quiet = size < (min(limits.pull_n, 0.5 * load) if load > LIGHT_N else limits.pull_n)
-        over = size > 3.0 * limits.let_go_n if self._reason == LOST else quiet
+        """Goes on by itself, faded in, when the force that stopped it is over for a while; where nobody was felt, when somebody is."""
+        limits, load = self.limits, self._let_go.load
+        still = dot(self._force, self._cause) / max(length(self._cause), 1e-9)  # of the force that stopped it
+        over = still < (min(limits.pull_n, 0.5 * load) if load > LIGHT_N else limits.pull_n)
+        if self._reason == LOST:
+            over = length(self._force) > 3.0 * limits.let_go_n
         self._passed_s = self._passed_s + period if over and self._known and self._feels_s <= 0.0 else 0.0
-        if self._passed_s <= (self._wait_s if self._reason == BLOCKED else 0.2 * limits.passed_s if self._reason == LOST else limits.passed_s):
+        if self._passed_s <= (self._wait_s if self._reason == BLOCKED else limits.passed_s):
             return
         if (self._state == HOLD and length(self._v) > 0.0) or self._problem(obs):
             return
@@ -514,9 +529,15 @@ class Envelope:
         if self._state == HOLD:  # from where the arm is
             self._x, self._sent = list(self._at), list(self._at)
             self._checker.start(self._at)
-        self._state, self._reason, self._passes, self._passed, self._confidence[0] = RUN, "", False, reason, 0.0
-        self._sinking, self._pushed.work, self._sinks_s, self._blocked_ns = Sinking(limits.alone_n), 0.0, 0.0, 0.0
         self._let_go.forget()
+        self._sinking = Sinking(limits.alone_n)
+        self._goes_on(reason)
+
+    def _goes_on(self, reason: str) -> None:
+        """In RUN, faded in; `reason` has passed."""
+        self._state, self._reason, self._passes, self._passed, self._confidence[0] = RUN, "", False, reason, 0.0
+        self._pushed = Pushed(self.limits.pushed_n)
+        self._sinks_s = self._blocked_ns = 0.0
         self._wanted = [0.0] * self._d
 
     def _think(self, obs: Observation, period: float, fresh: bool) -> None:
@@ -628,7 +649,8 @@ class Envelope:
         load = self._let_go.load
         if not self._sinking.hangs or load <= LIGHT_N:
             return velocity
-        beyond = dot(velocity, self._let_go.weight) / load - self._cap(self.limits.sink_m - self._sinking.sunk)
+        left = max(self.limits.sink_m - self._sinking.sunk, 0.0)
+        beyond = dot(velocity, self._let_go.weight) / load - sqrt(2.0 * SINK_M_S2 * left)
         if beyond <= 0.0:
             return velocity
         return [v - beyond * (w / load) for v, w in zip(velocity, self._let_go.weight, strict=True)]

@@ -42,10 +42,10 @@ class Limits:
     impact_n: float = 180.0
     alone_n: float = 2.2  # within this, and a third of its share, of carrying the whole object alone, the partner's end is free
     alone_s: float = 0.15
-    steady_n_s: float = 45.0  # and nothing answers the hand's motion, as a wall does, against which the hand stands:
+    steady_n_s: float = 8.0  # and the pull changes no faster, as it does where somebody, or a wall, answers the hand's motion
     stands_m_per_s: float = 0.06
     feel_s: float = 0.25  # a hand that stands gives way so long first: a wall lets it, and is then no more felt
-    sink_m: float = 0.045  # so far down at most while the partner carries less than most of his share
+    sink_m: float = 0.03  # so far down at most while the partner carries less than most of his share
     pushed_n: float = 2.5  # nobody leads a hand that yields with more than this for long:
     pushed_j: float = 0.25  # so much work beyond it is a sensor that lies, or a weight
     let_go_n: float = 0.3  # less than this is nobody, where the object weighs nothing along the axes
