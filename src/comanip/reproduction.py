@@ -30,14 +30,17 @@ def make_skill(
 
     law       "default" or "paper"; None takes the skill's own, with its stored settings
     role      only for a skill that states none; another role than the stated is a MismatchError
-    envelope  the safety envelope around it (docs/safety.md): on, with walls and speed as taught; off; or on with these Limits, with
-              walls as taught where they state none
+    envelope  the safety envelope around it (docs/safety.md): on, with walls and speed as taught; off; or on with these Limits,
+              with walls as taught where they state none
     gives_way whether a leader under the default law gives way to a partner who insists; False only where nobody is: recorded
               force that is played back cannot answer
     settings  of the law, on top of the stored ones
     """
     skill = _law(learned, axes=axes, dt=dt, law=law, role=role, gives_way=gives_way, settings=settings)
-    return skill if envelope is False else enveloped(skill, [learned], axes=axes, dt=dt, limits=_stated(envelope))
+    if envelope is False:
+        return skill
+    yields = (law or learned.law) == "default"
+    return enveloped(skill, [learned], axes=axes, dt=dt, limits=_stated(envelope), yields=yields)
 
 
 def make_auto(
@@ -63,7 +66,9 @@ def make_auto(
     models = {role: learned[role].model for role in ("leader", "follower", "natural") if role in learned}
     evidence = RoleEvidence(models, dt=learned["leader"].dt)
     skill = _role_skill(learned["leader"], CollaborativeLaw.for_role("leader"), axes, dt, evidence=evidence, policy=policy)
-    return skill if envelope is False else enveloped(skill, list(learned.values()), axes=axes, dt=dt, limits=_stated(envelope))
+    if envelope is False:
+        return skill
+    return enveloped(skill, list(learned.values()), axes=axes, dt=dt, limits=_stated(envelope), yields=True)
 
 
 def _role_skill(learned: LearnedSkill, law: CollaborativeLaw, axes: tuple[str, ...], dt: float, **about: Any) -> Skill:
@@ -92,14 +97,20 @@ def _stated(envelope: bool | Limits) -> Limits | None:
 
 
 def enveloped(
-    skill: Skill, learned: Sequence[LearnedSkill] = (), *, axes: tuple[str, ...], dt: float, limits: Limits | None = None
+    skill: Skill,
+    learned: Sequence[LearnedSkill] = (),
+    *,
+    axes: tuple[str, ...],
+    dt: float,
+    limits: Limits | None = None,
+    yields: bool = False,
 ) -> Skill:
     """`skill` within the safety envelope; its walls, where `limits` state none, and its speed, where there are no `limits`, are
     those of what was `learned`."""
     from .safety.envelope import Envelope
     from .safety.limits import Limits, as_taught
 
-    return Envelope(skill, axes=axes, dt=dt, limits=as_taught(learned, limits) if learned else limits or Limits())
+    return Envelope(skill, axes=axes, dt=dt, limits=as_taught(learned, limits, yields=yields) if learned else limits or Limits())
 
 
 def _law(

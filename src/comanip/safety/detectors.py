@@ -64,7 +64,8 @@ class LetGo:
         if self._weighed < WEIGHED_TICKS:
             if at_rest and all(map(isfinite, sensed)):
                 self._weighed += 1
-                self.weight = [w + (f - w) / self._weighed for w, f in zip(self.weight, sensed, strict=True)]
+                loads = [f_s - f for f_s, f in zip(sensed, force, strict=True)]
+                self.weight = [w + (load - w) / self._weighed for w, load in zip(self.weight, loads, strict=True)]
             return
         held = zip(force, self.weight, acceleration, strict=True)
         self._pulls.append([f - w * (1.0 + a / STANDARD_GRAVITY) for f, w, a in held])

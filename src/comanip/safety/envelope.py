@@ -112,6 +112,11 @@ class Envelope:
         return self._reason
 
     @property
+    def passes(self) -> bool:
+        """Whether what stopped it may pass, and it then goes on by itself; else only `rearm` ends it."""
+        return self._state != RUN and self._passes
+
+    @property
     def diagnostics(self) -> Mapping[str, Array]:
         own = {"mode": self._mode, "tank": self._tank, "confidence": self._confidence}
         return {**(self.skill.diagnostics if self._frozen is None else self._frozen), **own}
@@ -491,7 +496,7 @@ class Envelope:
         self._shaking.step(self._force, period)
         self._sink(period)
         self._pushed.step(self._force, self._v, period)
-        if self._pushed.work > self.limits.pushed_j:
+        if self._pushed.work > self.limits.pushed_j and self._reason != BLOCKED:  # from a wall it is pushed indeed
             self._pause(PUSHED.format(length(self._force)))
         if self._feels_s <= 0.0:
             if self._let_go.step(length(self._v), period):

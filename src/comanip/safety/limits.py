@@ -13,6 +13,7 @@ from ..errors import ParameterError
 
 ISO_SLOW_M_PER_S = 0.25  # reduced speed of ISO 10218-1 with a person in reach: Limits(v_max_m_per_s=ISO_SLOW_M_PER_S)
 SPEED_MARGIN = 1.6  # the fastest partners whom a skill met in trials moved 1.5 times as fast as the fastest lesson
+LED_N = 2.5  # what leads a hand under the default law, which yields to all that lasts
 WALL_MARGIN_M = 0.05  # beyond the learned workspace: who starts a little beside it is not refused
 
 
@@ -46,7 +47,7 @@ class Limits:
     stands_m_per_s: float = 0.06
     feel_s: float = 0.25  # a hand that stands gives way so long first: a wall lets it, and is then no more felt
     sink_m: float = 0.03  # so far down at most while the partner carries less than most of his share
-    pushed_n: float = 2.5  # nobody leads a hand that yields with more than this for long:
+    pushed_n: float = 10.0  # nobody leads with more than this for long; under a law that yields, `LED_N`:
     pushed_j: float = 0.25  # so much work beyond it is a sensor that lies, or a weight
     let_go_n: float = 0.3  # less than this is nobody, where the object weighs nothing along the axes
     let_go_s: float = 0.4
@@ -87,11 +88,15 @@ def taught_speed(learned: Any) -> float:
     return float((np.linalg.norm(mean, axis=1) + 2.0 * np.linalg.norm(spread, axis=1)).max())
 
 
-def as_taught(learned: Sequence[Any], limits: Limits | None = None) -> Limits:
-    """`limits` with the walls of these skills where it states none; None: their speed, with a margin, as well."""
+def as_taught(learned: Sequence[Any], limits: Limits | None = None, *, yields: bool = False) -> Limits:
+    """`limits` with the walls of these skills where it states none; None: their speed, with a margin, as well.
+
+    yields   whether the law yields to all that lasts, as the default law does: then little force along the motion is believed
+    """
     walls = [taught_walls(one) for one in learned]
     box = tuple((min(low for low, _ in axis), max(high for _, high in axis)) for axis in zip(*walls, strict=True))
     if limits is not None:
         return limits if limits.workspace_m is not None else replace(limits, workspace_m=box)
     fastest = SPEED_MARGIN * max(taught_speed(one) for one in learned)
-    return Limits(workspace_m=box, v_max_m_per_s=min(fastest, Limits.v_max_m_per_s))
+    pushed = LED_N if yields else Limits.pushed_n
+    return Limits(workspace_m=box, v_max_m_per_s=min(fastest, Limits.v_max_m_per_s), pushed_n=pushed)
