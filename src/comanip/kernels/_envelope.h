@@ -14,7 +14,7 @@ typedef double Axes[MOST_AXES];
 typedef struct { /* compiled_tick.SCALARS, then VECTORS, then the two memories of LetGo */
     double period, time, stamp, age, elapsed, impact_s, blocked_ns, alone_s, rest_s, energy, held, sinks_s, for_s, weighed, sunk, lack_peak,
         again_s, since_up_s, work, push_peak, jump_usual, heard_s, still_s, mean, amplitude, n_pulls, n_before;
-    Axes x, sent, at, v, force, wanted, asked, rate, felt, senses, weight, reading, same_s, same_m, changes, smallest, usual, sensed, slow;
+    Axes x, sent, at, v, force, wanted, asked, rate, felt, senses, weight, reading, same_s, same_m, changes, smallest, usual, dead, sensed, slow;
     Commanded commanded;
 } Ledger;
 
@@ -105,8 +105,9 @@ static int lives(const Envelope *e, Ledger *l, const double *sensed, double spee
         if (change == 0.0) {
             l->same_s[i] += l->period;
             l->same_m[i] += speed * l->period;
-            const int fine = l->changes[i] >= LIVELY && l->smallest[i] < FINE * l->usual[i];
+            const int fine = l->changes[i] >= LIVELY && l->smallest[i] < FINE * l->usual[i] && reading != l->dead[i];
             stuck |= l->same_m[i] > e->limits.stuck_m || (fine && l->same_s[i] > e->limits.stuck_s + 1e-9);
+            if (!fine && l->same_s[i] > 0.5 * e->limits.stuck_s) l->dead[i] = reading;
             continue;
         }
         l->same_s[i] = l->same_m[i] = 0.0;

@@ -25,7 +25,7 @@ SCALARS = (
 ).split()
 VECTORS = (
     "_x _sent _at _v _force _wanted _asked _rate _felt _senses _let_go.weight _stuck.last _stuck.same_s _stuck._same_m"
-    " _stuck._changes _stuck._least _stuck._usual _jump.last _shaking._slow _checker.at _checker.last"
+    " _stuck._changes _stuck._least _stuck._usual _stuck._dead _jump.last _shaking._slow _checker.at _checker.last"
 ).split()
 LENT = {name.split(".")[0] for name in (*SCALARS, *VECTORS)}
 MOST_AXES = 6

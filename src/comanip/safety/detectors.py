@@ -165,6 +165,7 @@ class Stuck:
         self.last = [inf] * n_axes
         self.same_s, self._same_m = [0.0] * n_axes, [0.0] * n_axes
         self._changes, self._least, self._usual = [0.0] * n_axes, [inf] * n_axes, [0.0] * n_axes
+        self._dead = [nan] * n_axes  # what it said while it stood before: the middle of a dead band
 
     def step(self, readings: Sequence[float], speed: float, period: float) -> bool:
         """Of one tick's readings [N], at this speed [m/s]."""
@@ -174,8 +175,10 @@ class Stuck:
             if change == 0.0:
                 self.same_s[i] += period
                 self._same_m[i] += speed * period
-                fine = self._changes[i] >= LIVELY and self._least[i] < FINE * self._usual[i]
+                fine = self._changes[i] >= LIVELY and self._least[i] < FINE * self._usual[i] and reading != self._dead[i]
                 stuck = stuck or self._same_m[i] > self._stuck_m or (fine and self.same_s[i] > self._stuck_s + 1e-9)
+                if not fine and self.same_s[i] > 0.5 * self._stuck_s:
+                    self._dead[i] = reading
                 continue
             self.same_s[i] = self._same_m[i] = 0.0
             if isfinite(change):

@@ -31,7 +31,7 @@ class Limits:
     late_s: float | None = None  # T, longest period allowed; None: 3 periods, at least 30 ms
     stale_s: float | None = None  # age of a sample to coast on; None: 5 periods, at least 50 ms
     stuck_s: float = 0.2  # the same force reading, bit by bit, of a sensor that never repeats itself
-    stuck_m: float = 0.1  # the same of any other: one with coarse steps or a dead band rightly repeats itself for so far
+    stuck_m: float = 0.25  # the same of any other: one with coarse steps or a dead band rightly repeats itself for so far
     moving_m_per_s: float = 0.01
     position_jump_m: float = 0.02  # beyond what 2 v_max explains
     drift_m: float = 0.05  # between where the hand was sent and where it is
