@@ -158,8 +158,10 @@ class CausalInteractionForce:
         force_delay_s: float = 0.0,
         sensor_period_s: float = 0.0,
     ) -> None:
-        """`gravity`, `bias`: (d,) [m/s^2], [N]; `force_delay_s`: how much later F_s comes than the velocity [s]; `sensor_period_s`:
-        of a force sensor slower than `dt` [s], 0: a sample each tick."""
+        """`gravity`, `bias`: (d,) [m/s^2], [N]; `force_delay_s`: how much later F_s comes than the velocity [s].
+
+        sensor_period_s   of a force sensor slower than `dt` [s]; 0: a sample each tick
+        """
         if not (dt > 0.0 and mass_kg >= 0.0 and 0.0 <= load_share <= 1.0 and force_delay_s >= 0.0 and sensor_period_s >= 0.0):
             raise ParameterError(
                 f"dt {dt:g} s, mass {mass_kg:g} kg, load_share {load_share:g}, force_delay_s {force_delay_s:g}, "

@@ -36,7 +36,7 @@ typedef struct {
 #define LIGHT_N 0.5
 #define ALONE_SHARE 0.35
 #define PULLS 0.3
-#define LACK_PEAK_S 2.0
+#define LACK_PEAK_S 4.0
 #define YIELDS 0.8
 #define PEAK_S 0.5
 #define TURNS_S 2.0
@@ -45,7 +45,8 @@ typedef struct {
 #define LIVELY 8
 #define FINE 0.25
 #define SUNK 0.9
-#define SINKS_S 0.4
+#define SINKS_S 1.0
+#define CREEP_M_S 0.025
 #define SINK_M_S2 1.0
 #define SAME_SAMPLE 1e-3
 #define GRAVITY 9.80665
@@ -267,7 +268,8 @@ static int clipped(const Envelope *e, const Ledger *l, const double *asked, doub
     const double load = load_of(l, d);
     memcpy(v, asked, sizeof(double) * d);
     if (l->again_s < AGAIN_S && load > LIGHT_N) { /* Envelope._unsunk */
-        const double beyond = dot(asked, l->weight, d) / load - sqrt(2.0 * SINK_M_S2 * most(limits->sink_m - l->sunk, 0.0));
+        const double may = most(sqrt(2.0 * SINK_M_S2 * most(limits->sink_m - l->sunk, 0.0)), CREEP_M_S);
+        const double beyond = dot(asked, l->weight, d) / load - may;
         for (int i = 0; i < d && beyond > 0.0; i++) v[i] = asked[i] - beyond * (l->weight[i] / load);
     }
     for (int i = 0; i < d; i++) {

@@ -14,9 +14,9 @@ from .. import kernels
 
 # in the order of kernels/_envelope.h
 LIMITS = (
-    "v_max_m_per_s a_max_m_per_s2 force_limit_n energy_j stuck_s stuck_m moving_m_per_s position_jump_m drift_m blocked_n blocked_s"
-    " alone_n alone_s steady_n_s stands_m_per_s sink_m pushed_n pushed_j let_go_n let_go_s held_n let_go_m_per_s tare_n jump_n"
-    " jump_rest_s"
+    "v_max_m_per_s a_max_m_per_s2 force_limit_n energy_j stuck_s stuck_m moving_m_per_s position_jump_m drift_m blocked_n"
+    " blocked_s alone_n alone_s steady_n_s stands_m_per_s sink_m pushed_n pushed_j let_go_n let_go_s held_n let_go_m_per_s"
+    " tare_n jump_n jump_rest_s"
 ).split()
 SCALARS = (
     "_period _time _stamp _age _elapsed _impact_s _blocked_ns _alone_s _rest_s _energy _held _sinks_s _let_go._for_s"

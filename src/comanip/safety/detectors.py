@@ -26,7 +26,7 @@ ALONE_SHARE = 0.35  # of its share: within this of carrying all alone, where tha
 LACKS = (0.02, 0.12)  # of his share: who carries less by so much begins to count as letting go, and counts wholly;
 TURNS = (0.15, 0.3)  # so long after the hand went up as fast as this, he may be turning back
 TURNS_S, LED_UP_M_S = 2.0, 0.05
-PULLS, LACK_PEAK_S = 0.3, 2.0  # so much of his share was a pull, and is remembered so long
+PULLS, LACK_PEAK_S = 0.3, 4.0  # so much of his share was a pull, and is remembered so long
 YIELDS, PEAK_S = 0.8, 0.5  # of a push's peak, which is forgotten within so long
 AGAIN_S = 0.1  # he carries again, for so long: what was sunk is forgotten
 LIVELY = 8  # changes of a reading before it is known as one that never repeats itself:
@@ -99,7 +99,7 @@ class LetGo:
         return _mean([*self._pulls][-self._swing :])
 
     def nobody_pulls(self, before: Sequence[float]) -> bool:
-        """Still alone after the hand gave way; `before`, the pull was this. A person's changes with the way, nobody's does not."""
+        """Still alone after the hand gave way from where the pull was `before`: a person's changes with the way."""
         pull = self.pull()
         return length(pull) < min(self._alone_n, ALONE_SHARE * self.load) and apart(pull, before) < ANSWER_N
 
@@ -121,7 +121,9 @@ class Sinking:
         """Whether the partner carries too little just now, or did a moment ago."""
         return self._again_s < AGAIN_S
 
-    def step(self, weight: Sequence[float], load: float, force: Sequence[float], velocity: Sequence[float], period: float) -> None:
+    def step(
+        self, weight: Sequence[float], load: float, force: Sequence[float], velocity: Sequence[float], period: float
+    ) -> None:
         if load <= LIGHT_N:
             return
         more, down = dot(force, weight) / (load * load), dot(velocity, weight) / load  # along gravity; more in shares

@@ -18,8 +18,8 @@ Good engineering, not a certified safety function; what it promises and what not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from math import inf, isfinite, nan, sqrt
+from collections.abc import Callable, Mapping
+from math import inf, isfinite, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,28 +28,20 @@ from .. import kernels
 from ..errors import ParameterError
 from ..interfaces import Array, Command, Observation, Skill
 from ..signals.vectors import apart, dot, length
+from .bounds import Bounds
 from .checker import Checker
 from .compiled_tick import LENT, MOST_AXES, Ordinary
-from .detectors import LIGHT_N, Jump, LetGo, Pushed, Shaking, Sinking, Stuck
+from .detectors import Jump, LetGo, Pushed, Shaking, Sinking, Stuck
 from .limits import Limits
+from .situation import BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation
 
-RUN, COMPLY, HOLD = 0, 1, 2
 NAMES = ("RUN", "COMPLY", "HOLD")
-GONE = "let go: the hand carries the whole object"
-SINKS = "let go or loaded: more hangs on the hand than its share"
-STUCK = "force stuck"
-PUSHED = "pushed along with {:.0f} N: sensor, or a weight on it?"
-BLOCKED, LOST = "blocked", "let go"
-SINK_M_S2 = 1.0  # a hand that sinks slows down softly: a stop would swing the object, which feels like an answer
-SUNK = 0.9  # of what it may sink; nearer to its end it only creeps
-SINKS_S = 0.4  # it stands at the end of what it may sink, and nobody carries or pulls harder
-AGAIN_S = 8.0  # the longest wait before it tries again whether what blocked it has gone
 SAME_SAMPLE = 1e-3  # of a period: a stamp that advances by less is the same sample again, and its clock is not believed
 EDGE_M = 0.01  # nearer than this to a wall it is said
 ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
 
 
-class Envelope:
+class Envelope(Situation, Bounds):
     """Wraps `skill`; has its socket. `rearm` is for the user alone.
 
     tells     optional confidence in [0, 1] that the observation is like what was taught: below 1 the command fades to COMPLY
@@ -223,7 +215,7 @@ class Envelope:
         self._energy = self.limits.energy_j
         self._blocked_ns = self._impact_s = self._alone_s = self._rest_s = 0.0
         self._felt, self._at_first, self._rate, self._ticks = [0.0] * d, [0.0] * d, [0.0] * d, 0
-        self._cause, self._pulled = [0.0] * d, [0.0] * d
+        self._cause, self._bound, self._pulled = [0.0] * d, inf, [0.0] * d
         self._held, self._feels_s, self._sinks_s = False, 0.0, 0.0
         self._passes, self._passed, self._passed_s, self._wait_s = False, "", 0.0, self.limits.passed_s
         limits = self.limits
@@ -251,7 +243,8 @@ class Envelope:
             if not abs(x) < ABSURD:
                 return "position not finite"
             if not low <= x <= high:
-                return f"{max(low - x, x - high):.2g} m outside the workspace: {name} {x:.3g} m, allowed {low:.3g} to {high:.3g} m"
+                off = max(low - x, x - high)
+                return f"{off:.2g} m outside the workspace: {name} {x:.3g} m, allowed {low:.3g} to {high:.3g} m"
         return self._wrong(obs.force.tolist(), obs.velocity.tolist(), self.limits.force_limit_n)
 
     def _wrong(self, force: list[float], velocity: list[float], limit: float) -> str:
@@ -268,16 +261,16 @@ class Envelope:
         if self._state != HOLD or self._passes:
             self._state, self._reason, self._passes = HOLD, reason, False
 
-    def _pause(self, reason: str) -> None:
-        """HOLD until what it is has passed."""
+    def _pause(self, reason: str, bound_n: float = inf) -> None:
+        """HOLD until what it is has passed: the force that stopped it is less than `bound_n`, and than a pull."""
         if self._state != HOLD:
             self._state, self._reason, self._passes, self._passed_s = HOLD, reason, True, 0.0
-            self._cause = list(self._force)
+            self._cause, self._bound = list(self._force), bound_n
 
     def _comply(self, reason: str) -> None:
         if self._state == RUN:
             self._state, self._reason, self._passes, self._passed_s = COMPLY, reason, True, 0.0
-            self._cause = list(self._force)
+            self._cause, self._bound = list(self._force), inf
 
     # one tick
 
@@ -404,7 +397,7 @@ class Envelope:
             at_rest = length(self._v) < limits.moving_m_per_s
             self._let_go.weigh(raw, force, self._rate, at_rest and length(force) < limits.tare_n)
             if jump := self._jump.step(raw, at_rest, period):
-                self._fault(f"force jumped {jump:.1f} N at rest: sensor? tare, then re-arm")
+                self._pause(f"force jumped {jump:.1f} N at rest: sensor? tare, then re-arm", 0.5 * jump)
 
     def _readings(self, raw: list[float], force: list[float]) -> list[float]:
         """What the sensor says; where it never says anything, the force. A reading that is missing is the last one again."""
@@ -428,122 +421,6 @@ class Envelope:
         self._energy = min(limits.energy_j, max(0.0, self._energy + gain))
         if (off := apart(self._x, self._at)) > limits.drift_m and self._state != HOLD:
             self._fault(f"does not follow: {off:.2g} m off")
-
-    def _watch(self, obs: Observation, period: float) -> None:
-        """What the force says about the situation; and whether what stopped the hand has passed."""
-        if self._state == RUN:
-            self._look(period)
-        elif self._state == COMPLY:
-            self._feel(period)
-        if self._state != RUN and self._passes:
-            self._recover(obs, period)
-
-    def _look(self, period: float) -> None:
-        """Blocked, let go, sinking, pushed, shaken, wrongly tared."""
-        limits = self.limits
-        speed, size = length(self._v), length(self._force)
-        if self._let_go.step(speed, period):  # or it presses on a wall with just that force, or somebody leans on it
-            self._comply(GONE)
-            self._feels_s, self._pulled = limits.feel_s, self._let_go.pull()
-        self._sink(period)
-        self._pushed.step(self._force, self._v, period)
-        if self._pushed.work > limits.pushed_j:
-            self._comply(PUSHED.format(size))
-            self._pushed = Pushed(limits.pushed_n)
-        self._press(speed, period)
-        if self._let_go.load <= LIGHT_N:
-            self._miss(speed, size, period)
-        self._shaking.step(self._force, period)
-        if self._ticks < 5:  # before anybody can have moved; later the hand leans on the partner until F is 0 again
-            self._ticks += 1
-            self._at_first = [a + (f - a) / self._ticks for a, f in zip(self._at_first, self._force, strict=True)]
-        self._rest_s = self._rest_s + period if speed < 0.05 else 0.0
-        self._felt = [a + min(period, 1.0) * (f - a) for a, f in zip(self._felt, self._force, strict=True)]
-
-    def _sink(self, period: float) -> None:
-        """Down with a partner who carries too little: a few centimetres, and then no farther."""
-        self._sinking.step(self._let_go.weight, self._let_go.load, self._force, self._v, period)
-        ends = self._sinking.hangs and self._sinking.sunk > SUNK * self.limits.sink_m
-        self._sinks_s = self._sinks_s + period if ends else 0.0
-        if self._sinks_s > SINKS_S:
-            self._pause(SINKS)
-
-    def _press(self, speed: float, period: float) -> None:
-        """Against something that does not give way; sooner while it only tries whether that has gone."""
-        limits = self.limits
-        against = -dot(self._force, self._v) / max(speed, 1e-6)
-        self._blocked_ns = self._blocked_ns + against * period if against > limits.blocked_n else 0.0
-        if self._blocked_ns > limits.blocked_n * limits.blocked_s:
-            self._comply(BLOCKED)
-            self._impact_s = limits.impact_s
-        wish = self._inner.velocity.tolist()
-        if self._passed == BLOCKED and -dot(self._force, wish) > limits.offer_n * length(wish):
-            self._wait_s = min(2.0 * self._wait_s, AGAIN_S)
-            self._comply(BLOCKED)
-
-    def _miss(self, speed: float, size: float, period: float) -> None:
-        """Somebody who was there and is no more, where the object weighs nothing along the axes."""
-        limits = self.limits
-        if speed < limits.moving_m_per_s:
-            self._held = False
-        self._held = self._held or size > limits.held_n
-        self._alone_s = self._alone_s + period if self._held and size < limits.let_go_n and speed > limits.let_go_m_per_s else 0.0
-        if self._alone_s > limits.let_go_s:
-            self._comply(LOST)
-
-    def _feel(self, period: float) -> None:
-        """Complying; after a moment of it a wall is left behind, and an object that nobody holds is not."""
-        self._shaking.step(self._force, period)
-        self._sink(period)
-        self._pushed.step(self._force, self._v, period)
-        if self._pushed.work > self.limits.pushed_j and self._reason != BLOCKED:  # from a wall it is pushed indeed
-            self._pause(PUSHED.format(length(self._force)))
-        if self._feels_s <= 0.0:
-            if self._let_go.step(length(self._v), period):
-                self._pause(GONE)
-            return
-        self._feels_s -= period
-        if self._feels_s > 0.0:
-            return
-        if self._let_go.nobody_pulls(self._pulled):
-            self._pause(GONE)
-        elif length(self._force) < 0.5 * self._let_go.load:
-            self._reason = BLOCKED
-        else:  # somebody answers, and is followed
-            self._let_go.forget()
-            self._goes_on(GONE)
-
-    def _recover(self, obs: Observation, period: float) -> None:
-        """Goes on by itself, faded in, when the force that stopped it is over for a while; where nobody was felt, when somebody is."""
-        limits, load = self.limits, self._let_go.load
-        still = dot(self._force, self._cause) / max(length(self._cause), 1e-9)  # of the force that stopped it
-        over = still < (min(limits.pull_n, 0.5 * load) if load > LIGHT_N else limits.pull_n)
-        if self._reason == LOST:
-            over = length(self._force) > 3.0 * limits.let_go_n
-        self._passed_s = self._passed_s + period if over and self._known and self._feels_s <= 0.0 else 0.0
-        if self._passed_s <= (self._wait_s if self._reason == BLOCKED else limits.passed_s):
-            return
-        if (self._state == HOLD and length(self._v) > 0.0) or self._problem(obs):
-            return
-        reason = self._reason
-        try:
-            self.skill.reset(obs)
-        except Exception as error:
-            self._fault(f"policy: {error!r}")
-            return
-        if self._state == HOLD:  # from where the arm is
-            self._x, self._sent = list(self._at), list(self._at)
-            self._checker.start(self._at)
-        self._let_go.forget()
-        self._sinking = Sinking(limits.alone_n)
-        self._goes_on(reason)
-
-    def _goes_on(self, reason: str) -> None:
-        """In RUN, faded in; `reason` has passed."""
-        self._state, self._reason, self._passes, self._passed, self._confidence[0] = RUN, "", False, reason, 0.0
-        self._pushed = Pushed(self.limits.pushed_n)
-        self._sinks_s = self._blocked_ns = 0.0
-        self._wanted = [0.0] * self._d
 
     def _think(self, obs: Observation, period: float, fresh: bool) -> None:
         """The skill's wish, faded by confidence; on an old sample the last one."""
@@ -604,61 +481,6 @@ class Envelope:
         for name, array in self._frozen.items():
             fits = name in new and new[name].shape == array.shape
             array[...] = new[name] if fits else np.nan
-
-    def _braked(self, period: float) -> list[float]:
-        speed = length(self._v)
-        left = speed - self.limits.a_max_m_per_s2 * period
-        return [v * (left / speed) for v in self._v] if left > 0.0 else [0.0] * self._d
-
-    def _cap(self, room: float) -> float:
-        """Fastest speed [m/s] from which one can brake inside `room` [m]."""
-        a = self.limits.a_max_m_per_s2
-        return max(0.0, sqrt(2.0 * a * room) - 0.5 * a * self._late) if room > 0.0 else 0.0
-
-    def _rooms(self) -> list[tuple[float, float]]:
-        """Metres left to the walls, below and above, by what was commanded and by what was measured."""
-        where = zip(self._x, self._at, self._walls, strict=True)
-        return [(min(x, at) - low, high - max(x, at)) for x, at, (low, high) in where]
-
-    def _fastest(self, velocity: Sequence[float], rooms: Sequence[tuple[float, float]]) -> float:
-        """Speed [m/s] allowed in the direction of `velocity`: from it one can brake before every wall and within the tank."""
-        speed, room = length(velocity), self._energy / self.limits.force_limit_n
-        for v, (below, above) in zip(velocity, rooms, strict=True):
-            if v != 0.0:
-                room = min(room, max(above if v > 0.0 else below, 0.0) * (speed / abs(v)))
-        return min(self.limits.v_max_m_per_s, self._cap(room))
-
-    def _clip(self, period: float) -> list[float]:
-        """What is brakeable AND reachable, whatever was wanted. The two always meet (docs/safety.md)."""
-        limits = self.limits
-        self._asked = self._wanted
-        if self._state == COMPLY:
-            b = limits.comply_damping_ns_per_m * max(self._shaking.amplitude / limits.shake_n, 1.0)  # harder where it is shaken
-            self._asked = [f / b for f in self._force]
-        if self._state == HOLD:
-            return self._braked(period)
-        rooms, most = self._rooms(), limits.a_max_m_per_s2 * period
-        target = [min(max(v, -self._cap(b)), self._cap(a)) for v, (b, a) in zip(self._unsunk(self._asked), rooms, strict=True)]
-        speed, fastest = length(target), self._fastest(target, rooms)
-        if speed > fastest:
-            target = [v * (fastest / speed) for v in target]
-        far = apart(target, self._v)
-        if far > most:
-            target = [old + (new - old) * (most / far) for new, old in zip(target, self._v, strict=True)]
-            if length(target) > self._fastest(target, rooms) + 1e-12:  # between two walls; along the old way one can always brake
-                return self._braked(period)
-        return target
-
-    def _unsunk(self, velocity: list[float]) -> list[float]:
-        """Without what is faster down than the hand may sink."""
-        load = self._let_go.load
-        if not self._sinking.hangs or load <= LIGHT_N:
-            return velocity
-        left = max(self.limits.sink_m - self._sinking.sunk, 0.0)
-        beyond = dot(velocity, self._let_go.weight) / load - sqrt(2.0 * SINK_M_S2 * left)
-        if beyond <= 0.0:
-            return velocity
-        return [v - beyond * (w / load) for v, w in zip(velocity, self._let_go.weight, strict=True)]
 
     def _write(self, command: Command, velocity: list[float], passed: bool) -> None:
         """Position and acceleration go with the velocity; the skill's own pass where its velocity did and they are near."""

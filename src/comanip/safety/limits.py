@@ -81,7 +81,7 @@ def taught_walls(learned: Any) -> tuple[tuple[float, float], ...]:
 
 
 def taught_speed(learned: Any) -> float:
-    """The fastest that a LearnedSkill's lessons moved [m/s], as a vector: mean and two standard deviations of its fastest state."""
+    """The fastest that a LearnedSkill's lessons moved [m/s], as a vector: mean and two deviations of its fastest state."""
     model = learned.model
     at = [n for n, channel in enumerate(model.channels) if channel.startswith("velocity.")]
     mean, spread = np.abs(model.means[:, at]), np.sqrt(np.diagonal(model.covariances, axis1=1, axis2=2)[:, at])

@@ -72,6 +72,11 @@ class Case:
         return begins + self.event * USUAL_LIFT_S
 
     @property
+    def within_s(self) -> float:
+        """Within which a partner who lets go has gone, 0.05 to 2 s [s]; out of the seed, so that it moves no other draw."""
+        return 0.05 + 1.95 * (self.seed % 9973) / 9972
+
+    @property
     def legs(self) -> tuple[tuple[float, float, float], ...]:
         """How a leading partner goes: (start [s], duration [s], how far [m])."""
         whole, part = (self.onset_s, self.duration_s, self.lift_m), self.event * self.lift_m
@@ -88,7 +93,7 @@ class Case:
     def stop_s(self) -> float:
         """When the partner's own plan, or his misbehaviour, has come to its end [s]; 0 for one who only follows."""
         if self.behaviour in ("blocks", "lets go"):
-            return self.event_s
+            return self.event_s + (self.within_s if self.behaviour == "lets go" else 0.0)
         if self.leads:
             start, duration, _ = self.legs[-1]
             return start + duration
@@ -175,7 +180,7 @@ def partner_of(case: Case, rng: np.random.Generator) -> Partner:
 
     first = leading(*case.legs) if case.leads else following()
     if case.behaviour == "lets go":
-        return LetsGo(first, case.event_s)
+        return LetsGo(first, case.event_s, case.within_s)
     if case.behaviour == "blocks":
         return Blocks(first, case.event_s, carried=np.array([case.carried_n]))
     if case.leads:

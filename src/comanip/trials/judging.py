@@ -16,6 +16,7 @@ from ..signals.filters import smooth
 from .cases import AUTO_PATIENCE_S, Case
 
 FORCE_CUTOFF_HZ = 15.0  # what a hand can feel, and what the skill's force estimator passes
+FELL_M = 0.1  # from where it was when the partner began to let go
 NOTICED_S = 0.5  # within which letting go must have been noticed
 ROLE_WITHIN_S = 0.3  # after 1 cm of motion the role must be known
 
@@ -76,7 +77,7 @@ def bounds(case: Case) -> Bounds:
     changes role   leading partner who stops and follows: rests where he stopped (told nothing: finishes the task as taught);
                    following partner who takes the lead: ends where he wants to be
     blocks         the impact stays below the envelope's force limit (60 N), and it does not press on
-    lets go        noticed (COMPLY or HOLD) within 0.5 s, holds the object where it is
+    lets go        within 0.05 to 2 s: noticed (COMPLY or HOLD) 0.5 s later, has not sunk more than 10 cm, holds the object there
     """
     if case.behaviour == "lets go":
         return Bounds(peak_n=inf, residual_n=inf, notices=True)
@@ -209,12 +210,14 @@ def _failures(
 
 
 def _unnoticed(case: Case, recording: Recording, t: Array, x: Array) -> list[str]:
-    after = t >= case.event_s + NOTICED_S
+    after = t >= case.event_s + case.within_s + NOTICED_S
     if not after.any():
         return ["the run ended before the partner let go"]
     noticed = "skill.mode" in recording.channels and recording["skill.mode"].values[after][0, 0] > 0
-    went_on = np.abs(x[t >= case.event_s] - x[np.searchsorted(t, case.event_s)]).max() > 0.05
-    return [*([] if noticed else ["letting go not noticed"]), *(["went on alone"] if went_on else [])]
+    went_on = np.abs(x[after] - x[np.flatnonzero(after)[0]]).max() > 0.05
+    fell = x[np.searchsorted(t, case.event_s)] - x[t >= case.event_s].min() > FELL_M
+    found = ((not noticed, "letting go not noticed"), (bool(went_on), "went on alone"), (bool(fell), "fell"))
+    return [text for wrong, text in found if wrong]
 
 
 def success_interval(successes: int, trials: int, z: float = 1.96) -> tuple[float, float]:
