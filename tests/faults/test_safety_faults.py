@@ -198,7 +198,7 @@ def test_C29_where_it_was_blocked_it_tries_again_and_a_wall_that_is_still_there_
     tries = np.flatnonzero(np.diff([mode == "RUN" for mode in modes[100:]]) == 1)
     assert 3 <= len(tries) <= 10
     assert peak < 8.0
-    bench.ticks(1500, 0.1, 0.0)
+    bench.ticks(1000, 0.1, 0.0)
     assert bench.envelope.mode == "RUN"
 
 
