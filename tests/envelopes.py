@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from comanip.interfaces import Command, Observation
-from comanip.safety.envelope import Envelope, Limits
+from comanip.safety.envelope import Envelope
+from comanip.safety.limits import Limits
 
 DT = 0.01
 ROOM = Limits(workspace_m=((0.0, 1.0),))
@@ -57,7 +58,7 @@ class Bench:
         if sample:
             obs = self.obs
             obs.time, obs.position[:], obs.velocity[:] = self.time, self.hand, self.command.velocity
-            obs.force[:], obs.sensor_force[:] = self.force, self.force + 1e-6 * (self.count % 7)
+            obs.force[:], obs.sensor_force[:] = self.force, self.force + 1e-6 * np.sin(self.count**2)
             for name, value in seen.items():
                 if name == "time":
                     obs.time = value
@@ -69,6 +70,11 @@ class Bench:
 
     def ticks(self, n, wish=None, force=None, **seen):
         return [self.tick(wish, force, **seen) for _ in range(n)]
+
+    @property
+    def latched(self):
+        """Why it is in a HOLD that only the user ends."""
+        return "" if self.envelope.passes else self.held
 
     @property
     def held(self):

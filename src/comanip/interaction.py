@@ -21,6 +21,7 @@ from .errors import ParameterError
 from .interfaces import STANDARD_GRAVITY, Array, Observation
 from .signals.filters import Lowpass
 
+MOST_GAP_S = 0.05  # between two samples of a slow sensor
 MAX_FORCE = 1e6  # [N] beyond any sensor of a hand: treated as missing, so that one wild sample cannot ring for seconds
 
 
@@ -141,7 +142,8 @@ class CausalInteractionForce:
     or, where the sensor itself is later than that (`force_delay_s`), a waits for F_s.
 
     A tick whose input is missing (NaN, infinite, beyond 1e6 N) gives NaN and leaves the filter as it was; the next good
-    tick differentiates over the hole.
+    tick differentiates over the hole. Of a sensor slower than the ticks, which gives NaN between its samples, the last one
+    stays good for `sensor_period_s` and half as long again.
     """
 
     def __init__(
@@ -154,13 +156,18 @@ class CausalInteractionForce:
         bias: Sequence[float] = (),
         cutoff_hz: float = 10.0,
         force_delay_s: float = 0.0,
+        sensor_period_s: float = 0.0,
     ) -> None:
-        """`gravity`, `bias`: (d,) [m/s^2], [N]; `force_delay_s`: how much later F_s comes than the velocity [s]."""
-        if not (dt > 0.0 and mass_kg >= 0.0 and 0.0 <= load_share <= 1.0 and force_delay_s >= 0.0):
+        """`gravity`, `bias`: (d,) [m/s^2], [N]; `force_delay_s`: how much later F_s comes than the velocity [s].
+
+        sensor_period_s   of a force sensor slower than `dt` [s]; 0: a sample each tick
+        """
+        if not (dt > 0.0 and mass_kg >= 0.0 and 0.0 <= load_share <= 1.0 and force_delay_s >= 0.0 and sensor_period_s >= 0.0):
             raise ParameterError(
-                f"dt {dt:g} s, mass {mass_kg:g} kg, load_share {load_share:g}, force_delay_s {force_delay_s:g}; "
-                "allowed: dt > 0, mass >= 0, 0 <= load_share <= 1, delay >= 0"
+                f"dt {dt:g} s, mass {mass_kg:g} kg, load_share {load_share:g}, force_delay_s {force_delay_s:g}, "
+                f"sensor_period_s {sensor_period_s:g}; allowed: dt > 0, mass >= 0, 0 <= load_share <= 1, delay and period >= 0"
             )
+        self._good_s = 1.5 * sensor_period_s  # of a sample
         self._dt = dt
         self._load = load_share * mass_kg  # [kg]
         bias = tuple(bias) or (0.0,) * len(gravity)
@@ -181,13 +188,14 @@ class CausalInteractionForce:
         self._velocity = [math.nan] * n
         self._force = [math.nan] * n
         self._elapsed = [0.0] * n  # [s] since the last good tick
+        self._sample, self._age = [math.nan] * n, [0.0] * n  # of the sensor [N], [s]
         self._past = [[0.0] * (self._late + 2) for _ in range(n)]  # accelerations, newest first
 
     def step(self, obs: Observation) -> None:
         """Writes F (d,) [N] into `obs.force`; NaN on an axis whose force or velocity is missing."""
         forces, velocities = obs.sensor_force.tolist(), obs.velocity.tolist()
         for i, section in enumerate(self._filters):
-            force, velocity = forces[i], velocities[i]
+            force, velocity = self._held(i, forces[i]), velocities[i]
             self._elapsed[i] += self._dt
             if not (-MAX_FORCE < force < MAX_FORCE and math.isfinite(velocity)):
                 obs.force[i] = math.nan
@@ -203,6 +211,17 @@ class CausalInteractionForce:
                 force = 0.5 * (force + last)
             obs.force[i] = section.step(force + self._load * acceleration + self._offset[i])
 
+    def begin(self, sample: Sequence[float], age_s: float) -> None:
+        """After `sample` (d,) of F_s [N], so old: the first ticks may come before the next."""
+        self._sample, self._age = list(sample), [age_s] * len(self._filters)
+
+    def _held(self, axis: int, sample: float) -> float:
+        """The sensor's last sample while that is good; only NaN says that there is no new one."""
+        self._age[axis] = self._age[axis] + self._dt if sample != sample else 0.0
+        if sample == sample:
+            self._sample[axis] = sample
+        return self._sample[axis] if self._age[axis] <= self._good_s else sample
+
 
 class TaringInteractionForce:
     """`CausalInteractionForce` that weighs the object first (the paper's footnote 2, on line).
@@ -211,6 +230,9 @@ class TaringInteractionForce:
     along gravity becomes the mass, the rest a bias; so at rest F starts from zero whatever the object weighs and however far
     the sensor is off. (A bias along gravity is taken for mass: 1 N looks like 0.2 kg at a share of 1/2.) Motion or a force that
     is not finite ends the tare early; with less than 3 good ticks the stated mass is used. `payload_kg` is what it found.
+
+    A sensor slower than the ticks may give NaN between its samples: seen three times during the tare it is known, and each
+    sample then held until the next is due.
     """
 
     def __init__(
@@ -230,7 +252,9 @@ class TaringInteractionForce:
 
     def reset(self) -> None:
         """Forgets what was weighed: the next window at rest counts."""
-        self._sum, self._count, self._ready = [0.0] * len(self._gravity), 0, False
+        self._sum, self._count, self._left = [0.0] * len(self._gravity), 0, self._ticks
+        self._last = [math.nan] * len(self._gravity)
+        self._gap, self._longest, self._gaps = 0, 0, 0  # ticks without a sample: now, at most, and how often
         self.payload_kg = self._stated
         self._force: CausalInteractionForce | None = None
 
@@ -239,13 +263,24 @@ class TaringInteractionForce:
         if self._force is None:
             forces = obs.sensor_force.tolist()
             at_rest = all(abs(v) < self._moving for v in obs.velocity.tolist())
-            if self._count < self._ticks and at_rest and all(math.isfinite(f) for f in forces):
-                self._sum = [total + f for total, f in zip(self._sum, forces, strict=True)]
-                self._count += 1
+            self._left -= 1
+            if self._left >= 0 and at_rest and self._weighs(forces):
                 obs.force[:] = 0.0
                 return
             self._force = self._weighed()
         self._force.step(obs)
+
+    def _weighs(self, forces: list[float]) -> bool:
+        """One more sample, or none yet of a slow sensor; no, where it is neither."""
+        if self._count > 0 and all(f != f for f in forces) and self._gap < MOST_GAP_S / self._dt:
+            self._gap += 1
+            return True
+        if not all(math.isfinite(f) for f in forces):
+            return False
+        self._gaps, self._longest, self._gap = self._gaps + (self._gap > 0), max(self._longest, self._gap), 0
+        self._sum = [total + f for total, f in zip(self._sum, forces, strict=True)]
+        self._count, self._last = self._count + 1, forces
+        return True
 
     def _weighed(self) -> CausalInteractionForce:
         g2 = sum(g * g for g in self._gravity)
@@ -255,11 +290,13 @@ class TaringInteractionForce:
             along = sum(f * g for f, g in zip(mean, self._gravity, strict=True)) / g2  # F_s = s m g at rest
             self.payload_kg = max(along / self._share, 0.0)
             bias = [f - self._share * self.payload_kg * g for f, g in zip(mean, self._gravity, strict=True)]
-        return CausalInteractionForce(
+        force = CausalInteractionForce(
             self._dt,
             mass_kg=self.payload_kg,
             gravity=self._gravity,
             load_share=self._share,
             bias=bias,
-            **self._filtering,
+            **{"sensor_period_s": (self._longest + 1) * self._dt if self._gaps >= 3 else 0.0, **self._filtering},
         )
+        force.begin(self._last, self._gap * self._dt)
+        return force

@@ -27,14 +27,17 @@ class Observation:
 
     time                 [s], on the plant's own clock
     position, velocity   (d,) hand, task frame [m], [m/s]
-    sensor_force         (d,) F_s, force of the OBJECT ON THE HAND [N], weight and inertia included
+    sensor_force         (d,) F_s, force of the OBJECT ON THE HAND [N], weight and inertia included; of a sensor slower than the
+                         ticks the last sample again, or NaN until the next
+    force_time           [s] when `sensor_force` was measured; NaN: at `time`
     force                (d,) F, interaction force of eq. (3) [N]; filled by the loop's force estimator
     """
 
-    __slots__ = ("force", "position", "sensor_force", "time", "velocity")
+    __slots__ = ("force", "force_time", "position", "sensor_force", "time", "velocity")
 
     def __init__(self, n_axes: int) -> None:
         self.time = 0.0
+        self.force_time = np.nan
         self.position: Array = np.full(n_axes, np.nan)
         self.velocity: Array = np.full(n_axes, np.nan)
         self.sensor_force: Array = np.full(n_axes, np.nan)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,12 +13,10 @@ from .learned.skill import LearnedSkill, check_fits
 
 if TYPE_CHECKING:
     from .interfaces import Array
-    from .safety.envelope import Limits
+    from .safety.limits import Limits
     from .skills.collaborate import CollaborativeLaw
     from .skills.reference import PhaseReference
     from .skills.roles import RolePolicy
-
-PULL_N = 10.0  # of work along the way that a task may ask for
 
 
 def make_skill(
@@ -38,7 +35,8 @@ def make_skill(
 
     law       "default" or "paper"; None takes the skill's own, with its stored settings
     role      only for a skill that states none; another role than the stated is a MismatchError
-    envelope  the safety envelope around it (docs/safety.md): on, off, or on with these Limits
+    envelope  the safety envelope around it (docs/safety.md): on, with walls and speed as taught; off; or on with these Limits,
+              with walls as taught where they state none
     gives_way whether a leader under the default law gives way to a partner who insists; False only where nobody is: recorded
               force that is played back cannot answer
     goal      where the lessons had several: its number as `learn` says it, from 1, or a position (d,) [m] near it;
@@ -46,21 +44,10 @@ def make_skill(
     settings  of the law, on top of the stored ones
     """
     skill = _law(learned, axes=axes, dt=dt, law=law, role=role, gives_way=gives_way, goal=goal, settings=settings)
-    return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=_limits(learned, envelope))
-
-
-def _limits(learned: LearnedSkill, envelope: bool | Limits) -> Limits:
-    """Those that were given; else the default ones, with the work that the longest of the taught paths may ask for.
-
-    One lift of 0.3 m has 3 J, 10 N over its way (docs/safety.md); five turns of a crank are ten times that way.
-    """
-    from .safety.envelope import Limits
-
-    if not isinstance(envelope, bool):
-        return envelope
-    usual = Limits()
-    work_j = PULL_N * max((path.length_m for path in learned.paths), default=0.0)
-    return replace(usual, energy_j=max(usual.energy_j, work_j))
+    if envelope is False:
+        return skill
+    yields = (law or learned.law) == "default"
+    return enveloped(skill, [learned], axes=axes, dt=dt, limits=_stated(envelope), yields=yields)
 
 
 def make_auto(
@@ -99,7 +86,9 @@ def make_auto(
     skill = _role_skill(
         learned["leader"], laws["leader"], axes, dt, following=laws["follower"], evidence=evidence, policy=policy, goal=goal
     )
-    return skill if envelope is False else enveloped(skill, axes=axes, dt=dt, limits=_limits(learned["leader"], envelope))
+    if envelope is False:
+        return skill
+    return enveloped(skill, list(learned.values()), axes=axes, dt=dt, limits=_stated(envelope), yields=True)
 
 
 def references_of(learned: LearnedSkill) -> tuple[PhaseReference, ...]:
@@ -161,11 +150,25 @@ def _role_skill(
     )
 
 
-def enveloped(skill: Skill, *, axes: tuple[str, ...], dt: float, limits: Limits | None = None) -> Skill:
-    """`skill` within the safety envelope."""
-    from .safety.envelope import Envelope, Limits
+def _stated(envelope: bool | Limits) -> Limits | None:
+    return None if isinstance(envelope, bool) else envelope
 
-    return Envelope(skill, axes=axes, dt=dt, limits=limits or Limits())
+
+def enveloped(
+    skill: Skill,
+    learned: Sequence[LearnedSkill] = (),
+    *,
+    axes: tuple[str, ...],
+    dt: float,
+    limits: Limits | None = None,
+    yields: bool = False,
+) -> Skill:
+    """`skill` within the safety envelope; its walls, where `limits` state none, and its speed, where there are no `limits`, are
+    those of what was `learned`."""
+    from .safety.envelope import Envelope
+    from .safety.limits import Limits, as_taught
+
+    return Envelope(skill, axes=axes, dt=dt, limits=as_taught(learned, limits, yields=yields) if learned else limits or Limits())
 
 
 def _law(

@@ -253,11 +253,12 @@ def test_C11_a_partner_who_lets_go_stops_the_lift_in_half_a_second():
     assert bench.envelope.notice == "COMPLY: let go"
     assert bench.command.velocity[0] == 0.0
     assert bench.hand[0] - start[0] < 0.1
-    bench.ticks(50, 0.2, -6.0)
-    assert bench.command.velocity[0] == pytest.approx(-6.0 / ROOM.comply_damping_ns_per_m)  # not without the user
-    bench.ticks(30, 0.0, 0.0)
-    assert bench.envelope.rearm(bench.obs) == ""
-    assert bench.envelope.mode == "RUN"
+    bench.ticks(45, 0.2, -6.0)
+    assert bench.command.velocity[0] == pytest.approx(-6.0 / ROOM.comply_damping_ns_per_m)  # somebody is felt, not yet for long
+    speeds = bench.ticks(60)
+    assert bench.envelope.mode == "RUN"  # and then it goes on by itself, faded in
+    assert np.abs(np.diff(speeds)).max() < 0.01
+    assert speeds[-1] == 0.2
 
 
 def test_C11_a_free_motion_that_nobody_held_is_not_let_go():
@@ -291,13 +292,13 @@ def pulls(bench, forces):
 
 def test_C11_who_carries_the_whole_object_knows_that_the_partner_let_go():
     bench = weighed()
-    assert 15 < pulls(bench, [-WEIGHT] * 100) <= 40
+    assert 55 < pulls(bench, [-WEIGHT] * 100) <= 65  # from 0.36 s on it complies
     assert_holds(bench, "let go: the hand carries the whole object")
 
 
 def test_C11_an_object_that_swings_on_the_wrist_is_let_go_all_the_same():
     bench = weighed()
-    assert pulls(bench, [-WEIGHT + 8.0 * np.cos(2 * np.pi * 10.0 * n * DT) for n in range(100)]) <= 40
+    assert pulls(bench, [-WEIGHT + 8.0 * np.cos(2 * np.pi * 10.0 * n * DT) for n in range(100)]) <= 65
     assert bench.held == "let go: the hand carries the whole object"
 
 
@@ -314,12 +315,12 @@ def test_C11_a_hand_that_stands_gives_way_first_and_then_knows_a_wall_from_an_en
     assert complied >= 25
 
 
-@pytest.mark.parametrize("kind", ["slowly", "for a moment", "harder"])
+@pytest.mark.parametrize("kind", ["and up again", "for a moment", "harder"])
 def test_C11_who_pulls_down_has_not_let_go(kind):
-    """The whole weight, but by and by; or at once, but for 0.15 s; or more than the whole."""
+    """The whole weight, but on the way to less again; or at once, but for 0.15 s; or more than the whole."""
     bench = weighed()
     forces = {
-        "slowly": [-WEIGHT * min(n / 150, 1.0) for n in range(300)],
+        "and up again": [-WEIGHT * np.sin(np.pi * n / 100) for n in range(100)],
         "for a moment": [-WEIGHT if n < 15 else 0.0 for n in range(100)],
         "harder": [-1.5 * WEIGHT if n < 100 else 0.0 for n in range(150)],
     }[kind]
@@ -525,8 +526,8 @@ def test_C21_rearming_is_refused_in_motion_or_with_a_fault_present():
         ({"force": np.nan}, "force not finite"),
         ({"force": 61.0}, "force 61 N > 60 N"),
         ({"position": np.nan}, "position not finite"),
-        ({"position": 1.1}, "0.1 m outside the workspace"),
-        ({"position": -0.2}, "0.2 m outside the workspace"),
+        ({"position": 1.1}, "0.1 m outside the workspace: x 1.1 m, allowed 0 to 1 m"),
+        ({"position": -0.2}, "0.2 m outside the workspace: x -0.2 m, allowed 0 to 1 m"),
         ({"velocity": 0.05}, "in motion: 0.05 m/s"),
         ({"time": np.nan}, "clock"),
     ]:
@@ -546,7 +547,7 @@ def test_C21_rearming_is_refused_in_motion_or_with_a_fault_present():
 
 
 def test_C21_a_start_with_a_fault_present_holds():
-    assert Bench(start=1.2).held == "0.2 m outside the workspace"
+    assert Bench(start=1.2).held == "0.2 m outside the workspace: x 1.2 m, allowed 0 to 1 m"
     assert Bench(start=np.nan).held == "position not finite"
     bench = Bench(start=1.2)
     bench.ticks(20, -0.2)

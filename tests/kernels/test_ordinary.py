@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from comanip import kernels
 from comanip.interfaces import Command, Observation
 from comanip.safety.compiled_tick import LENT, SCALARS, VECTORS, Ordinary
-from comanip.safety.envelope import RUN, Envelope, Limits
+from comanip.safety.envelope import RUN, Envelope
+from comanip.safety.limits import Limits
 from envelopes import Dictated
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
@@ -140,7 +141,7 @@ def test_for_ever_the_same(d, seed):
         Limits(workspace_m=((0.0, 1.0),) * d),
         Limits(),
         Limits(workspace_m=((0.3, 0.7),) * d, energy_j=0.2, blocked_s=0.1, let_go_s=0.05),
-        Limits(v_max_m_per_s=0.3, a_max_m_per_s2=3.0, sudden_s=dt, drift_m=0.5, force_limit_n=200.0, stuck_s=0.05),
+        Limits(v_max_m_per_s=0.3, a_max_m_per_s2=3.0, steady_n_s=60.0, drift_m=0.5, force_limit_n=200.0, stuck_s=0.05),
     ]
     chosen = limits[rng.integers(4)]
     low, high = chosen.workspace_m[0] if chosen.workspace_m else (0.0, 1.0)
@@ -219,22 +220,15 @@ def test_the_compiled_checker_trusts_no_clip(stricter, rule, towards):
 def test_all_that_the_envelope_remembers_is_lent_or_stays():
     """A memory that is added later is not forgotten: each is lent, or named as one that an ordinary tick leaves alone."""
     alone = {
-        "skill", "limits", "_dt", "_tells", "_timer", "_d", "_late", "_stale", "_walls", "_mode", "_tank", "_confidence",
+        "skill", "limits", "_dt", "_tells", "_timer", "_axes", "_d", "_late", "_stale", "_walls", "_mode", "_tank", "_confidence",
         "_inner", "_frozen", "_ordinary", "_is_lent", "_state", "_reason", "_first", "_known", "_ticks", "_at_first", "_feels_s",
+        "_passes", "_passed", "_passed_s", "_wait_s", "_cause", "_bound", "_pulled",
     }  # fmt: skip
     parts = {
-        "_let_go": {
-            "_alone_n",
-            "_alone_s",
-            "_sudden_s",
-            "_least_n",
-            "_stands_m_s",
-            "_most_apart_n",
-            "_apart",
-            "_swing",
-            "_pulls",
-            "_before",
-        },
+        "_let_go": {"_alone_n", "_alone_s", "_stands_m_s", "_most_apart_n", "_swing", "_pulls", "_before"},
+        "_sinking": {"_alone_n"},
+        "_pushed": {"_usual_n"},
+        "_stuck": {"_stuck_s", "_stuck_m"},
         "_jump": {"_least_n", "_rest_s", "_stays_s", "pending", "_sum", "_count", "_for_s"},
         "_shaking": set(),
         "_checker": {"v_max", "a_max", "walls", "dt"},

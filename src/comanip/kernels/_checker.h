@@ -8,17 +8,23 @@ typedef struct { double at[MOST_AXES], last[MOST_AXES]; } Commanded;
 
 /* 1, with `c` moved on, when `velocity` after a timely period breaks no rule. */
 static int allowed(const Rules *r, Commanded *c, int d, double period, const double *velocity) {
-    const double gain = r->a_max * (period < r->dt ? r->dt : period);
+    const double gain = r->a_max * period;
+    double was = 0.0, now = 0.0, change = 0.0;
     Commanded next = *c;
     for (int n = 0; n < d; n++) {
         const double new = velocity[n], old = c->last[n];
+        was += old * old;
+        now += new * new;
+        change += (new - old) * (new - old);
         next.at[n] += old * period;
         next.last[n] = new;
-        if (!(-r->v_max - SLACK <= new && new <= r->v_max + SLACK)) return 0; /* also when it is not a number */
-        if (!(old - gain - SLACK <= new && new <= old + gain + SLACK)) return 0;
-        const double stop = next.at[n] + new * fabs(new) / (2.0 * r->a_max);
-        if (stop > r->high[n] + SLACK && new > 0.0 && new > old - gain + SLACK) return 0;
-        if (stop < r->low[n] - SLACK && new < 0.0 && new < old + gain - SLACK) return 0;
+    }
+    was = sqrt(was), now = sqrt(now), change = sqrt(change);
+    if (!(now <= r->v_max + SLACK)) return 0; /* also when it is not a number */
+    if (!(change <= gain + SLACK)) return 0;
+    for (int n = 0; n < d && now > was - gain + SLACK; n++) {
+        const double new = velocity[n], stop = next.at[n] + new * now / (2.0 * r->a_max);
+        if ((stop > r->high[n] + SLACK && new > 0.0) || (stop < r->low[n] - SLACK && new < 0.0)) return 0;
     }
     *c = next;
     return 1;

@@ -4,17 +4,17 @@
  * leaves everything untouched: then the Python, the one source of every reason, takes the tick. In doubt a tick is not ordinary.
  */
 
-typedef struct { /* Envelope.LIMITS, and what follows from them */
-    double v_max, a_max, force_limit, energy, stuck_s, moving, position_jump, drift, blocked_n, blocked_s, alone_n, alone_s, sudden_s,
-        steady_n_s, stands, let_go_n, let_go_s, held_n, let_go_speed, tare_n, jump_n, jump_rest_s, dt, late;
+typedef struct { /* compiled_tick.LIMITS, and what follows from them */
+    double v_max, a_max, force_limit, energy, stuck_s, stuck_m, moving, position_jump, drift, blocked_n, blocked_s, alone_n, alone_s,
+        steady_n_s, stands, sink_m, pushed_n, pushed_j, let_go_n, let_go_s, held_n, let_go_speed, tare_n, jump_n, jump_rest_s, dt, late;
 } Limits;
 
 typedef double Axes[MOST_AXES];
 
-typedef struct { /* Envelope.SCALARS, then Envelope.VECTORS, then the two memories of LetGo */
-    double period, time, stamp, age, elapsed, impact_s, blocked_ns, alone_s, rest_s, felt, held, for_s, since_s, heard_s, still_s, slow, mean,
-        amplitude, weighed, n_pulls, n_before;
-    Axes x, sent, at, v, force, wanted, asked, raw, same_s, energy, rate, weight, sensed, usual;
+typedef struct { /* compiled_tick.SCALARS, then VECTORS, then the two memories of LetGo */
+    double period, time, stamp, age, elapsed, impact_s, blocked_ns, alone_s, rest_s, energy, held, sinks_s, for_s, weighed, sunk, lack_peak,
+        again_s, since_up_s, work, push_peak, jump_usual, heard_s, still_s, mean, amplitude, n_pulls, n_before;
+    Axes x, sent, at, v, force, wanted, asked, rate, felt, senses, weight, reading, same_s, same_m, changes, smallest, usual, dead, sensed, slow;
     Commanded commanded;
 } Ledger;
 
@@ -28,10 +28,38 @@ typedef struct {
     double *tank;
 } Envelope;
 
+/* as in safety/detectors.py and safety/envelope.py */
 #define WEIGHED_TICKS 25
-#define SWING_S 0.1 /* and SLOW_SWING_S is most_pulls */
+#define STILL_S 0.15 /* most_before, less one, and SLOW_SWING_S is most_pulls */
+#define SWING_S 0.1
 #define QUIET_S 0.5
+#define LIGHT_N 0.5
+#define ALONE_SHARE 0.35
+#define PULLS 0.3
+#define LACK_PEAK_S 4.0
+#define YIELDS 0.8
+#define PEAK_S 0.5
+#define TURNS_S 2.0
+#define LED_UP_M_S 0.05
+#define AGAIN_S 0.1
+#define LIVELY 8
+#define FINE 0.25
+#define SUNK 0.9
+#define SINKS_S 1.0
+#define CREEP_M_S 0.025
+#define SINK_M_S2 1.0
+#define SAME_SAMPLE 1e-3
 #define GRAVITY 9.80665
+
+static const double LACKS[2] = {0.02, 0.12}, TURNS[2] = {0.15, 0.3};
+
+static double apart(const double *a, const double *b, int d) {
+    double total = 0.0;
+    for (int i = 0; i < d; i++) total += (a[i] - b[i]) * (a[i] - b[i]);
+    return sqrt(total);
+}
+
+static double load_of(const Ledger *l, int d) { return l->weighed >= WEIGHED_TICKS ? length(l->weight, d) : 0.0; }
 
 static void remember(double *rows, double *n, int most_rows, int d, const double *row) {
     if (*n == most_rows) memmove(rows, rows + d, sizeof(double) * d * (most_rows - 1));
@@ -42,7 +70,7 @@ static void remember(double *rows, double *n, int most_rows, int d, const double
 /* Envelope._clock */
 static int timely(const Envelope *e, Ledger *l, double t) {
     const double step = t - l->stamp, period = most(t - l->time, 0.0);
-    if (!isfinite(t) || step < 0.1 * e->limits.dt || period > e->limits.late + 1e-9) return 0;
+    if (!isfinite(t) || step < SAME_SAMPLE * e->limits.dt || period > e->limits.late + 1e-9) return 0;
     l->elapsed = step;
     l->time = most(t, l->time);
     l->stamp = t;
@@ -52,96 +80,146 @@ static int timely(const Envelope *e, Ledger *l, double t) {
     return l->impact_s <= 0.0;
 }
 
-/* Envelope._sense, one axis */
-static int plausible(const Envelope *e, Ledger *l, int i, double x, double f, double velocity, double sensed) {
+/* Envelope._sense, but for what it watches */
+static int plausible(const Envelope *e, Ledger *l, const double *x, const double *f, const double *velocity) {
     const Limits *limits = &e->limits;
-    if (!(fabs(x) < ABSURD) || !(fabs(f) < ABSURD)) return 0;
-    if (fabs(x - l->at[i]) > limits->position_jump + 2.0 * limits->v_max * l->elapsed) return 0;
-    if (fabs(f) > limits->force_limit || fabs(velocity) > 10.0 * limits->v_max) return 0; /* NaN is a velocity nobody measures */
-    const double reading = isfinite(sensed) ? sensed : f;
-    l->same_s[i] = reading == l->raw[i] && fabs(l->v[i]) > limits->moving ? l->same_s[i] + l->period : 0.0;
-    l->raw[i] = reading;
-    l->at[i] = x;
-    l->force[i] = f;
-    return !(l->same_s[i] > limits->stuck_s + 1e-9);
+    double speed = 0.0;
+    for (int i = 0; i < e->d; i++) {
+        if (!(fabs(x[i]) < ABSURD) || !(fabs(f[i]) < ABSURD)) return 0;
+        if (velocity[i] == velocity[i]) speed += velocity[i] * velocity[i]; /* NaN is a velocity nobody measures */
+    }
+    if (apart(x, l->at, e->d) > limits->position_jump + 2.0 * limits->v_max * l->elapsed) return 0;
+    if (length(f, e->d) > limits->force_limit || sqrt(speed) > 10.0 * limits->v_max) return 0;
+    memcpy(l->at, x, sizeof(double) * e->d);
+    memcpy(l->force, f, sizeof(double) * e->d);
+    return 1;
+}
+
+/* Stuck.step of Envelope._readings */
+static int lives(const Envelope *e, Ledger *l, const double *sensed, double speed) {
+    int stuck = 0;
+    for (int i = 0; i < e->d; i++) {
+        if (sensed[i] == sensed[i]) l->senses[i] = 1.0;
+        const double reading = sensed[i] == sensed[i] ? sensed[i] : l->senses[i] != 0.0 ? l->reading[i] : l->force[i];
+        const double change = fabs(reading - l->reading[i]);
+        l->reading[i] = reading;
+        if (change == 0.0) {
+            l->same_s[i] += l->period;
+            l->same_m[i] += speed * l->period;
+            const int fine = l->changes[i] >= LIVELY && l->smallest[i] < FINE * l->usual[i] && reading != l->dead[i];
+            stuck |= l->same_m[i] > e->limits.stuck_m || (fine && l->same_s[i] > e->limits.stuck_s + 1e-9);
+            if (!fine && l->same_s[i] > 0.5 * e->limits.stuck_s) l->dead[i] = reading;
+            continue;
+        }
+        l->same_s[i] = l->same_m[i] = 0.0;
+        if (isfinite(change)) {
+            l->changes[i] += 1.0;
+            l->smallest[i] = least(l->smallest[i], change);
+            l->usual[i] += (change - l->usual[i]) / least(l->changes[i], 100.0);
+        }
+    }
+    return !stuck;
 }
 
 /* Jump.step, while none is pending */
 static int steady_zero(const Envelope *e, Ledger *l, const double *sensed, int at_rest) {
-    const int known = all_finite(sensed, e->d) && all_finite(l->sensed, e->d);
-    if (known) l->heard_s = least(l->heard_s + l->period, most(QUIET_S, l->period));
-    const double share = l->period > 0.0 ? l->period / l->heard_s : 0.0;
-    for (int i = 0; known && i < e->d; i++) {
-        const double change = fabs(sensed[i] - l->sensed[i]);
-        if (l->still_s > e->limits.jump_rest_s && change > e->limits.jump_n + 6.0 * l->usual[i]) return 0;
-        l->usual[i] += share * (change - l->usual[i]);
+    if (!all_finite(sensed, e->d)) return 1;
+    if (!all_finite(l->sensed, e->d)) {
+        memcpy(l->sensed, sensed, sizeof(double) * e->d);
+        return 1;
     }
-    if (known) l->still_s = at_rest ? l->still_s + l->period : 0.0;
+    const double still = l->still_s, change = apart(sensed, l->sensed, e->d);
+    l->still_s = at_rest ? l->still_s + l->period : 0.0;
+    if (change == 0.0) return 1;
     memcpy(l->sensed, sensed, sizeof(double) * e->d);
+    l->heard_s = least(l->heard_s + l->period, most(QUIET_S, l->period));
+    if (still > e->limits.jump_rest_s && change > e->limits.jump_n + 6.0 * l->jump_usual) return 0;
+    const double share = l->period > 0.0 ? l->period / l->heard_s : 0.0;
+    l->jump_usual += share * (change - l->jump_usual);
     return 1;
 }
 
 /* Envelope._book */
 static int follows(const Envelope *e, Ledger *l) {
-    for (int i = 0; i < e->d; i++) {
-        const double way = l->v[i] * l->period, gain = l->force[i] * way;
-        l->x[i] += way;
-        l->energy[i] = least(e->limits.energy, most(0.0, l->energy[i] + gain));
-        if (fabs(l->x[i] - l->at[i]) > e->limits.drift) return 0;
-    }
-    return 1;
+    Axes way;
+    for (int i = 0; i < e->d; i++) way[i] = l->v[i] * l->period, l->x[i] += way[i];
+    l->energy = least(e->limits.energy, most(0.0, l->energy + dot(l->force, way, e->d)));
+    return !(apart(l->x, l->at, e->d) > e->limits.drift);
 }
 
 /* LetGo.step with `pull` as its newest; `mean` is that of the last ones when there are enough, and then `measured`. */
 static int partner_holds(const Envelope *e, Ledger *l, double speed, const double *pull, double *mean, int *measured) {
     const Limits *limits = &e->limits;
     const int swing = (int)most(nearbyint(SWING_S / limits->dt), 1.0);
-    Axes slow;
     const int d = e->d, n = (int)l->n_pulls, full = n == e->most_pulls;
-    const double load = length(l->weight, d);
+    const double load = load_of(l, d);
+    Axes slow;
     int alone = 0;
-    *measured = l->weighed >= WEIGHED_TICKS && load > limits->held_n && n + !full == e->most_pulls;
+    *measured = load > LIGHT_N && n + !full == e->most_pulls;
     if (*measured) {
         const double *first = l->n_before == e->most_before ? e->before + (e->most_before > 1 ? d : 0) : e->before;
-        const int back = (int)least(most(nearbyint(SWING_S / 2.0 / limits->dt), 1.0), least(l->n_before, e->most_before - 1.0));
-        const double *earlier = e->before + ((int)l->n_before - back) * d;
-        double lost = 0.0, changed = 0.0;
         for (int i = 0; i < d; i++) {
             double sum = 0.0, all = 0.0;
             for (int row = n - swing + 1; row < n; row++) sum += e->pulls[row * d + i];
             for (int row = full; row < n; row++) all += e->pulls[row * d + i];
             mean[i] = (sum + pull[i]) / swing;
             slow[i] = (all + pull[i]) / e->most_pulls;
-            const double before = l->n_before == 0.0 || e->most_before == 1 ? mean[i] : first[i];
-            lost += (before - mean[i]) * (before - mean[i]);
-            changed += back ? (earlier[i] - mean[i]) * (earlier[i] - mean[i]) : 0.0;
         }
-        l->since_s = sqrt(lost) > 0.5 * load ? 0.0 : l->since_s + l->period;
-        const int moves = speed > limits->stands, steady = sqrt(changed) < SWING_S / 2.0 * limits->steady_n_s;
-        const int sudden = l->for_s > 0.0 || l->since_s < 4.0 * limits->sudden_s;
-        const int nobody = length(mean, d) < limits->alone_n && (moves || steady);
-        alone = sudden && (nobody || (length(slow, d) < limits->alone_n && moves));
+        if (l->n_before == 0.0 || e->most_before == 1) first = mean;
+        const double near = least(limits->alone_n, ALONE_SHARE * load);
+        const int moves = speed > limits->stands, still = apart(first, mean, d) < STILL_S * limits->steady_n_s;
+        alone = (length(mean, d) < near && still) || (length(slow, d) < near && moves && still);
     }
     l->for_s = alone ? l->for_s + l->period : 0.0;
     return !(l->for_s > limits->alone_s);
 }
 
-/* Envelope._look, but for LetGo */
-static int unremarkable(const Envelope *e, Ledger *l) {
+/* Sinking.step and Envelope._sink */
+static int carried(const Envelope *e, Ledger *l) {
+    const int d = e->d;
+    const double load = load_of(l, d), period = l->period;
+    if (load > LIGHT_N) {
+        const double more = dot(l->force, l->weight, d) / (load * load), down = dot(l->v, l->weight, d) / load;
+        l->lack_peak = most(more, l->lack_peak - period / LACK_PEAK_S * l->lack_peak);
+        l->since_up_s = down < -LED_UP_M_S ? 0.0 : l->since_up_s + period;
+        const double *lacks = l->since_up_s < TURNS_S ? TURNS : LACKS;
+        const int answers = l->lack_peak > PULLS && more < YIELDS * l->lack_peak;
+        const int doubtful = more < 1.0 + e->limits.alone_n / load && !answers;
+        const double counts = doubtful ? least(most((more - lacks[0]) / (lacks[1] - lacks[0]), 0.0), 1.0) : 0.0;
+        l->again_s = counts > 0.0 ? 0.0 : l->again_s + period;
+        l->sunk = l->again_s < AGAIN_S ? l->sunk + counts * most(down, 0.0) * period : 0.0;
+    }
+    l->sinks_s = l->again_s < AGAIN_S && l->sunk > SUNK * e->limits.sink_m ? l->sinks_s + period : 0.0;
+    return !(l->sinks_s > SINKS_S);
+}
+
+/* Pushed.step */
+static int led(const Envelope *e, Ledger *l, double speed) {
+    const double along = speed > 0.0 ? dot(l->force, l->v, e->d) / speed : 0.0;
+    l->push_peak = most(along, l->push_peak - l->period / PEAK_S * l->push_peak);
+    const double beyond = along > YIELDS * l->push_peak ? along - e->limits.pushed_n : -e->limits.pushed_n;
+    l->work = most(l->work + beyond * speed * l->period, 0.0);
+    return !(l->work > e->limits.pushed_j);
+}
+
+/* Envelope._press, _miss and what is left of _look */
+static int unremarkable(const Envelope *e, Ledger *l, double speed) {
     const Limits *limits = &e->limits;
-    const double speed = length(l->v, e->d), size = length(l->force, e->d), period = l->period;
-    const double against = -dot(l->force, l->v, e->d) / most(speed, 1e-6);
+    const int d = e->d;
+    const double size = length(l->force, d), period = l->period, share = 1.0 - exp(-2.0 * PI * period);
+    const double against = -dot(l->force, l->v, d) / most(speed, 1e-6);
     l->blocked_ns = against > limits->blocked_n ? l->blocked_ns + against * period : 0.0;
-    l->held = (speed >= limits->moving && l->held != 0.0) || size > limits->held_n;
-    l->alone_s = l->held != 0.0 && size < limits->let_go_n && speed > limits->let_go_speed ? l->alone_s + period : 0.0;
-    double signed_force = l->force[0];
-    for (int i = 1; i < e->d; i++)
-        if (fabs(l->force[i]) > fabs(signed_force)) signed_force = l->force[i];
-    l->slow += (1.0 - exp(-2.0 * PI * period)) * (signed_force - l->slow);
-    l->mean += least(period / 0.5, 1.0) * (fabs(signed_force - l->slow) - l->mean);
+    if (load_of(l, d) <= LIGHT_N) {
+        l->held = (speed >= limits->moving && l->held != 0.0) || size > limits->held_n;
+        l->alone_s = l->held != 0.0 && size < limits->let_go_n && speed > limits->let_go_speed ? l->alone_s + period : 0.0;
+    }
+    for (int i = 0; i < d; i++) {
+        l->slow[i] += share * (l->force[i] - l->slow[i]);
+        l->felt[i] += least(period, 1.0) * (l->force[i] - l->felt[i]);
+    }
+    l->mean += least(period / 0.5, 1.0) * (apart(l->force, l->slow, d) - l->mean);
     l->amplitude = 1.57 * l->mean;
     l->rest_s = speed < 0.05 ? l->rest_s + period : 0.0;
-    l->felt += least(period, 1.0) * (signed_force - l->felt);
     return !(l->blocked_ns > limits->blocked_n * limits->blocked_s) && !(l->alone_s > limits->let_go_s);
 }
 
@@ -151,15 +229,15 @@ static int sense(Envelope *e, double t, const double *x, const double *f, const 
     Ledger next = *e->now;
     Axes pull, mean, sensed;
     for (int i = 0; i < d; i++) sensed[i] = fabs(raw[i]) < ABSURD ? raw[i] : NAN;
+    const double speed = length(next.v, d);
     int measured, weighed = next.weighed >= WEIGHED_TICKS;
-    if (!timely(e, &next, t)) return 0;
-    for (int i = 0; i < d; i++)
-        if (!plausible(e, &next, i, x[i], f[i], velocity[i], sensed[i])) return 0;
-    const int at_rest = largest(next.v, d) < e->limits.moving;
-    if (!weighed && at_rest && largest(f, d) < e->limits.tare_n && all_finite(sensed, d)) return 0; /* to be weighed */
+    if (!timely(e, &next, t) || !plausible(e, &next, x, f, velocity) || !lives(e, &next, sensed, speed)) return 0;
+    const int at_rest = speed < e->limits.moving;
+    if (!weighed && at_rest && length(f, d) < e->limits.tare_n && all_finite(sensed, d)) return 0; /* to be weighed */
     for (int i = 0; i < d; i++) pull[i] = f[i] - next.weight[i] * (1.0 + next.rate[i] / GRAVITY);
     if (!steady_zero(e, &next, sensed, at_rest) || !follows(e, &next)) return 0;
-    if (!partner_holds(e, &next, length(next.v, d), pull, mean, &measured) || !unremarkable(e, &next)) return 0;
+    if (!partner_holds(e, &next, speed, pull, mean, &measured) || !carried(e, &next) || !led(e, &next, speed)) return 0;
+    if (!unremarkable(e, &next, speed)) return 0;
     if (weighed) remember(e->pulls, &next.n_pulls, e->most_pulls, d, pull);
     if (measured) remember(e->before, &next.n_before, e->most_before, d, mean);
     *e->now = next;
@@ -171,24 +249,55 @@ static double cap(const Limits *limits, double room) {
     return room > 0.0 ? most(0.0, sqrt(2.0 * a * room) - 0.5 * a * limits->late) : 0.0;
 }
 
+/* Envelope._fastest */
+static double fastest(const Envelope *e, const Ledger *l, const double *velocity) {
+    const double speed = length(velocity, e->d);
+    double room = l->energy / e->limits.force_limit;
+    for (int i = 0; i < e->d; i++) {
+        const double v = velocity[i], x = l->x[i], at = l->at[i];
+        const double left = v > 0.0 ? e->high[i] - most(x, at) : least(x, at) - e->low[i];
+        if (v != 0.0) room = least(room, most(left, 0.0) * (speed / fabs(v)));
+    }
+    return least(e->limits.v_max, cap(&e->limits, room));
+}
+
+/* Envelope._clip of what is `asked`; 0 where it has to brake. */
+static int clipped(const Envelope *e, const Ledger *l, const double *asked, double *v) {
+    const Limits *limits = &e->limits;
+    const int d = e->d;
+    const double load = load_of(l, d);
+    memcpy(v, asked, sizeof(double) * d);
+    if (l->again_s < AGAIN_S && load > LIGHT_N) { /* Envelope._unsunk */
+        const double may = most(sqrt(2.0 * SINK_M_S2 * most(limits->sink_m - l->sunk, 0.0)), CREEP_M_S);
+        const double beyond = dot(asked, l->weight, d) / load - may;
+        for (int i = 0; i < d && beyond > 0.0; i++) v[i] = asked[i] - beyond * (l->weight[i] / load);
+    }
+    for (int i = 0; i < d; i++) {
+        const double x = l->x[i], at = l->at[i];
+        v[i] = within(v[i], -cap(limits, least(x, at) - e->low[i]), cap(limits, e->high[i] - most(x, at)));
+    }
+    const double speed = length(v, d), top = fastest(e, l, v), most_change = limits->a_max * l->period;
+    if (speed > top)
+        for (int i = 0; i < d; i++) v[i] *= top / speed;
+    const double far = apart(v, l->v, d);
+    if (far <= most_change) return 1;
+    for (int i = 0; i < d; i++) v[i] = l->v[i] + (v[i] - l->v[i]) * (most_change / far);
+    return length(v, d) <= fastest(e, l, v) + 1e-12;
+}
+
 /* All that comes after it: Envelope._clip, the checker's judgement, Envelope._write. `wish` and `out` are position, velocity,
  * acceleration. */
 static int act(Envelope *e, const double *const wish[3], double *const out[3]) {
     const Limits *limits = &e->limits;
     const int d = e->d;
     Ledger *l = e->now;
-    const double change = limits->a_max * l->period, near = limits->v_max * limits->late;
+    const double near = limits->v_max * limits->late;
     Axes velocity;
     int passed = 1;
     for (int n = 0; n < 3; n++)
         if (!all_finite(wish[n], d)) return 0;
-    for (int i = 0; i < d; i++) {
-        const double x = l->x[i], at = l->at[i], tank = l->energy[i] / limits->force_limit, asked = wish[1][i];
-        const double up = least(limits->v_max, cap(limits, least(e->high[i] - most(x, at), tank)));
-        const double down = least(limits->v_max, cap(limits, least(least(x, at) - e->low[i], tank)));
-        velocity[i] = within(within(asked, -down, up), l->v[i] - change, l->v[i] + change);
-        passed &= velocity[i] == asked;
-    }
+    if (!clipped(e, l, wish[1], velocity)) return 0;
+    for (int i = 0; i < d; i++) passed &= velocity[i] == wish[1][i];
     if (!allowed(&e->rules, &l->commanded, d, l->period, velocity)) return 0;
     for (int i = 0; i < d; i++) {
         const double v = velocity[i], at = l->at[i];
@@ -199,7 +308,7 @@ static int act(Envelope *e, const double *const wish[3], double *const out[3]) {
         out[0][i] = l->sent[i] = within(position, e->low[i], e->high[i]);
         out[1][i] = v;
         out[2][i] = within(passed ? wish[2][i] : 0.0, -limits->a_max, limits->a_max);
-        e->tank[i] = l->energy[i];
     }
+    e->tank[0] = l->energy;
     return 1;
 }

@@ -1186,7 +1186,7 @@ static PyObject *envelope_new(PyTypeObject *type, PyObject *args, PyObject *keyw
 #define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
     const double *numbers = TAKE(limits, 0, sizeof(Limits) / 8), *checked = TAKE(rules, 0, 3 + 2 * d), *bounds = TAKE(walls, 0, 2 * d);
     e->now = TAKE(memory, 1, sizeof(Ledger) / 8 + (most_pulls + most_before) * d);
-    e->tank = TAKE(tank, 1, d);
+    e->tank = TAKE(tank, 1, 1);
 #undef TAKE
     if (PyErr_Occurred()) {
         Py_DecRef((PyObject *)self);

@@ -7,6 +7,7 @@ walls. A command that breaks a rule is replaced by the old one slowed down.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import sqrt
 
 SLACK = 1e-9
 
@@ -29,28 +30,32 @@ class Checker:
 
         late   the last command ran out: it was held for dt, then the low level braked by itself
         """
+        gain, was, now, change = self.a_max * period, 0.0, 0.0, 0.0
+        for new, old in zip(velocity, self.last, strict=True):
+            was, now, change = was + old * old, now + new * new, change + (new - old) * (new - old)
+        was, now, change = sqrt(was), sqrt(now), sqrt(change)
+        held = period
+        if late and was > 0.0:
+            coast = min(max(period - self.dt, 0.0), was / self.a_max)
+            held = self.dt + coast - 0.5 * self.a_max * coast * coast / was
+        self.at = [at + old * held for at, old in zip(self.at, self.last, strict=True)]
         verdict = ""
-        gain = self.a_max * (self.dt if period < self.dt else period)
-        for n, (low, high) in enumerate(self.walls):
-            new, old = velocity[n], self.last[n]
-            if late:
-                coast = min(max(period - self.dt, 0.0), abs(old) / self.a_max)
-                travelled = abs(old) * (self.dt + coast) - 0.5 * self.a_max * coast * coast
-                self.at[n] += travelled if old > 0.0 else -travelled
-            else:
-                self.at[n] += old * period
-            if not -self.v_max - SLACK <= new <= self.v_max + SLACK:  # also when it is not a number
-                verdict = "speed"
-            elif not old - gain - SLACK <= new <= old + gain + SLACK:
-                verdict = "acceleration"
-            else:
-                stop = self.at[n] + new * abs(new) / (2.0 * self.a_max)
-                if (stop > high + SLACK and new > 0.0 and new > old - gain + SLACK) or (
-                    stop < low - SLACK and new < 0.0 and new < old + gain - SLACK
-                ):
-                    verdict = "room to stop"
+        if not now <= self.v_max + SLACK:  # also when it is not a number
+            verdict = "speed"
+        elif not change <= gain + SLACK:
+            verdict = "acceleration"
+        elif now > was - gain + SLACK and self._passes_a_wall(velocity, now):
+            verdict = "room to stop"
         if verdict:
-            for n, old in enumerate(self.last):
-                velocity[n] = max(old - gain, 0.0) if old > 0.0 else min(old + gain, 0.0)
+            left = max(was - gain, 0.0) / was if was > 0.0 else 0.0
+            velocity[:] = [old * left for old in self.last]
         self.last = list(velocity)
         return verdict
+
+    def _passes_a_wall(self, velocity: Sequence[float], speed: float) -> bool:
+        """Where braking at once, straight on, from `velocity` would end."""
+        for new, at, (low, high) in zip(velocity, self.at, self.walls, strict=True):
+            stop = at + new * speed / (2.0 * self.a_max)
+            if (stop > high + SLACK and new > 0.0) or (stop < low - SLACK and new < 0.0):
+                return True
+        return False

@@ -1,22 +1,36 @@
 """What the envelope watches in the force while its skill runs: each a small memory that answers one question, per tick.
 
-`LetGo` is the partner's hand gone?  `Jump` did the sensor's zero move?  `Shaking` how strongly does the force oscillate?
+`LetGo` is the partner's hand gone?  `Sinking` how far down with a partner who carries too little?  `Pushed` for how much work
+with more force than anybody leads with?  `Stuck` does the sensor repeat itself?  `Jump` did its zero move?  `Shaking` how
+strongly does the force oscillate?  Forces are vectors: no answer depends on how the axes are turned.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from math import exp, isfinite, pi
+from math import exp, inf, isfinite, nan, pi
 
 from ..interfaces import STANDARD_GRAVITY
 from ..signals.vectors import apart, dot, length
 
 WEIGHED_TICKS = 25
+STILL_S = 0.15  # what nobody pulls stays the same over this; a person who pulls down goes on to more or to less
 SWING_S = 0.1  # an object that is let go swings on the wrist, at 10 Hz: the mean of one swing is its weight;
 SLOW_SWING_S = 0.16  # on a softer wrist at 6 Hz
 QUIET_S = 0.5  # over which a force's ordinary change from sample to sample is known
 SAME = (0.7, 1.3)  # a zero that moved stays where it is: so much of the jump is still there afterwards
+ANSWER_N = 0.7  # by which the softest arm's pull changes within the 1.6 cm that a hand gives way, 60 N/m
+LIGHT_N = 0.5  # a share that weighs less says nothing
+ALONE_SHARE = 0.35  # of its share: within this of carrying all alone, where that is less than `alone_n`
+LACKS = (0.02, 0.12)  # of his share: who carries less by so much begins to count as letting go, and counts wholly;
+TURNS = (0.15, 0.3)  # so long after the hand went up as fast as this, he may be turning back
+TURNS_S, LED_UP_M_S = 2.0, 0.05
+PULLS, LACK_PEAK_S = 0.3, 4.0  # so much of his share was a pull, and is remembered so long
+YIELDS, PEAK_S = 0.8, 0.5  # of a push's peak, which is forgotten within so long
+AGAIN_S = 0.1  # he carries again, for so long: what was sunk is forgotten
+LIVELY = 8  # changes of a reading before it is known as one that never repeats itself:
+FINE = 0.25  # its smallest change is less than this of the mean one; steps of a coarse sensor are all as large
 
 
 def _mean(rows: Iterable[Sequence[float]]) -> list[float]:
@@ -24,70 +38,156 @@ def _mean(rows: Iterable[Sequence[float]]) -> list[float]:
 
 
 class LetGo:
-    """Whether this hand carries the whole object alone.
+    """Whether this hand carries the whole object alone, however slowly the partner let go.
 
-    It weighs its share at rest, while both hold. Where the partner lets go F = -s m (g + a): the hand then carries twice its
-    share, and nothing else pulls. He must be gone at once (who pulls down harder and harder passes through the same force), and
-    nothing may answer the hand's motion: against a wall it stands, and is pushed by turns more and less.
+    It weighs its share at rest, while both hold. Where the partner has let go F = -s m (g + a): the hand then carries twice its
+    share, and nothing else pulls. Nothing may answer the hand's motion: against a wall it stands, and is pushed by turns more
+    and less. Who pulls down by just that much is not told from nobody here; see `Envelope._feel`.
 
     alone_n     within this of carrying it all, the partner's end is free
     alone_s     for so long
-    sudden_s    within this his pull went
     steady_n_s  no faster than this does the pull of nobody change [N/s] while the hand stands,
     stands_m_s  slower than this
-    least_n     an object whose share weighs less says nothing
     """
 
-    def __init__(
-        self,
-        n_axes: int,
-        dt: float,
-        *,
-        alone_n: float,
-        alone_s: float,
-        sudden_s: float,
-        steady_n_s: float,
-        stands_m_s: float,
-        least_n: float,
-    ) -> None:
-        self._alone_n, self._alone_s, self._sudden_s, self._least_n = alone_n, alone_s, sudden_s, least_n
-        self._stands_m_s = stands_m_s
-        self._most_apart_n, self._apart = SWING_S / 2.0 * steady_n_s, max(round(SWING_S / 2.0 / dt), 1)
+    def __init__(self, n_axes: int, dt: float, *, alone_n: float, alone_s: float, steady_n_s: float, stands_m_s: float) -> None:
+        self._alone_n, self._alone_s, self._stands_m_s = alone_n, alone_s, stands_m_s
+        self._most_apart_n = STILL_S * steady_n_s
         self.weight, self._weighed = [0.0] * n_axes, 0
         self._swing = max(round(SWING_S / dt), 1)
         self._pulls: deque[list[float]] = deque(maxlen=max(round(SLOW_SWING_S / dt), 1))
-        self._before: deque[list[float]] = deque(maxlen=max(round(sudden_s / dt), 1))
-        self._for_s, self._since_s = 0.0, float("inf")
+        self._before: deque[list[float]] = deque(maxlen=1 + max(round(STILL_S / dt), 1))
+        self._for_s = 0.0
 
     def weigh(self, sensed: list[float], force: list[float], acceleration: list[float], at_rest: bool) -> None:
         """One good sample of F_s, F [N] and a [m/s^2]: of the object's weight, and once that is known of the partner's pull."""
         if self._weighed < WEIGHED_TICKS:
             if at_rest and all(map(isfinite, sensed)):
                 self._weighed += 1
-                self.weight = [w + (f - w) / self._weighed for w, f in zip(self.weight, sensed, strict=True)]
+                loads = [f_s - f for f_s, f in zip(sensed, force, strict=True)]
+                self.weight = [w + (load - w) / self._weighed for w, load in zip(self.weight, loads, strict=True)]
             return
         held = zip(force, self.weight, acceleration, strict=True)
         self._pulls.append([f - w * (1.0 + a / STANDARD_GRAVITY) for f, w, a in held])
 
+    @property
+    def load(self) -> float:
+        """What the hand's share weighs [N]; 0 before that is known."""
+        return length(self.weight) if self._weighed >= WEIGHED_TICKS else 0.0
+
     def step(self, speed: float, period: float) -> bool:
-        load = length(self.weight)
+        load = self.load
         alone = False
-        if load > self._least_n and len(self._pulls) == self._pulls.maxlen:
+        if load > LIGHT_N and len(self._pulls) == self._pulls.maxlen:
             pull, slow = _mean([*self._pulls][-self._swing :]), _mean(self._pulls)
             self._before.append(pull)
-            self._since_s = 0.0 if apart(self._before[0], pull) > 0.5 * load else self._since_s + period
-            earlier = self._before[-1 - min(self._apart, len(self._before) - 1)]
-            moves, steady = speed > self._stands_m_s, apart(earlier, pull) < self._most_apart_n
-            sudden = self._for_s > 0.0 or self._since_s < 4.0 * self._sudden_s
+            near = min(self._alone_n, ALONE_SHARE * load)
+            moves, still = speed > self._stands_m_s, apart(self._before[0], pull) < self._most_apart_n
             # on a softer wrist only the longer mean shows the weight; there a wall would show it too, so the hand must move
-            nobody = length(pull) < self._alone_n and (moves or steady)
-            alone = sudden and (nobody or (length(slow) < self._alone_n and moves))
+            alone = (length(pull) < near and still) or (length(slow) < near and moves and still)
         self._for_s = self._for_s + period if alone else 0.0
         return self._for_s > self._alone_s
 
-    def nobody_pulls(self) -> bool:
-        """Of late, whatever came before: less than half of what a partner carries."""
-        return length(_mean(self._pulls)) < 0.5 * length(self.weight)
+    def forget(self) -> None:
+        """What was pulled so far; not the weight."""
+        self._pulls.clear()
+        self._before.clear()
+        self._for_s = 0.0
+
+    def pull(self) -> list[float]:
+        """What the partner pulled of late, mean over one swing of the object [N]."""
+        return _mean([*self._pulls][-self._swing :])
+
+    def nobody_pulls(self, before: Sequence[float]) -> bool:
+        """Still alone after the hand gave way from where the pull was `before`: a person's changes with the way."""
+        pull = self.pull()
+        return length(pull) < min(self._alone_n, ALONE_SHARE * self.load) and apart(pull, before) < ANSWER_N
+
+
+class Sinking:
+    """How far the hand went down [m], `sunk`, while the partner carried less than his share and did not pull down more than
+    nobody would: who lets go slowly, or hangs something on the object, goes through here, and so does who leads down gently.
+    A few centimetres tell them apart: the partner pulls harder, or carries again.
+
+    Who turns back has just led up, and leads on with a little less than his share; from rest as much is counted more.
+    """
+
+    def __init__(self, alone_n: float) -> None:
+        self._alone_n = alone_n
+        self.sunk, self._peak, self._again_s, self._since_up_s = 0.0, 0.0, inf, inf
+
+    @property
+    def hangs(self) -> bool:
+        """Whether the partner carries too little just now, or did a moment ago."""
+        return self._again_s < AGAIN_S
+
+    def step(
+        self, weight: Sequence[float], load: float, force: Sequence[float], velocity: Sequence[float], period: float
+    ) -> None:
+        if load <= LIGHT_N:
+            return
+        more, down = dot(force, weight) / (load * load), dot(velocity, weight) / load  # along gravity; more in shares
+        self._since_up_s = 0.0 if down < -LED_UP_M_S else self._since_up_s + period
+        least, whole = TURNS if self._since_up_s < TURNS_S else LACKS
+        self._peak = max(more, self._peak - period / LACK_PEAK_S * self._peak)
+        answers = self._peak > PULLS and more < YIELDS * self._peak  # a person's pull, which falls as the hand follows
+        doubtful = more < 1.0 + self._alone_n / load and not answers
+        counts = min(max((more - least) / (whole - least), 0.0), 1.0) if doubtful else 0.0
+        self._again_s = 0.0 if counts > 0.0 else self._again_s + period
+        self.sunk = self.sunk + counts * max(down, 0.0) * period if self.hangs else 0.0
+
+
+class Pushed:
+    """Work [J] of a force along the motion that does not fall though the hand yields; `work` is the latest.
+
+    Whoever leads a hand that yields pulls less as it follows. A sensor that lies, or a weight, does not.
+    """
+
+    def __init__(self, usual_n: float) -> None:
+        self._usual_n = usual_n
+        self.work, self._peak = 0.0, 0.0
+
+    def step(self, force: Sequence[float], velocity: Sequence[float], period: float) -> None:
+        speed = length(velocity)
+        along = dot(force, velocity) / speed if speed > 0.0 else 0.0
+        self._peak = max(along, self._peak - period / PEAK_S * self._peak)
+        beyond = along - self._usual_n if along > YIELDS * self._peak else -self._usual_n
+        self.work = max(self.work + beyond * speed * period, 0.0)
+
+
+class Stuck:
+    """Whether the readings of a force sensor stand still, axis by axis: each axis is a sensor of its own.
+
+    One whose readings differ by ever new amounts never repeats itself, moving or at rest. One with coarse steps or a dead band
+    does so rightly, but not over a whole motion.
+    """
+
+    def __init__(self, n_axes: int, stuck_s: float, stuck_m: float) -> None:
+        self._stuck_s, self._stuck_m = stuck_s, stuck_m
+        self.last = [inf] * n_axes
+        self.same_s, self._same_m = [0.0] * n_axes, [0.0] * n_axes
+        self._changes, self._least, self._usual = [0.0] * n_axes, [inf] * n_axes, [0.0] * n_axes
+        self._dead = [nan] * n_axes  # what it said while it stood before: the middle of a dead band
+
+    def step(self, readings: Sequence[float], speed: float, period: float) -> bool:
+        """Of one tick's readings [N], at this speed [m/s]."""
+        stuck = False
+        for i, reading in enumerate(readings):
+            change, self.last[i] = abs(reading - self.last[i]), reading
+            if change == 0.0:
+                self.same_s[i] += period
+                self._same_m[i] += speed * period
+                fine = self._changes[i] >= LIVELY and self._least[i] < FINE * self._usual[i] and reading != self._dead[i]
+                stuck = stuck or self._same_m[i] > self._stuck_m or (fine and self.same_s[i] > self._stuck_s + 1e-9)
+                if not fine and self.same_s[i] > 0.5 * self._stuck_s:
+                    self._dead[i] = reading
+                continue
+            self.same_s[i] = self._same_m[i] = 0.0
+            if isfinite(change):
+                self._changes[i] += 1.0
+                self._least[i] = min(self._least[i], change)
+                self._usual[i] += (change - self._usual[i]) / min(self._changes[i], 100.0)
+        return stuck
 
 
 class Jump:
@@ -95,45 +195,57 @@ class Jump:
 
     def __init__(self, n_axes: int, least_n: float, rest_s: float, stays_s: float) -> None:
         self._least_n, self._rest_s, self._stays_s = least_n, rest_s, stays_s
-        self.last: list[float] = []
-        self._usual, self._heard_s, self._still_s = [0.0] * n_axes, 0.0, 0.0
-        self.pending: tuple[int, float, float] | None = None  # axis, reading before, size
-        self._sum, self._count, self._for_s = 0.0, 0, 0.0
+        self.last = [nan] * n_axes
+        self._usual, self._heard_s, self._still_s = 0.0, 0.0, 0.0
+        self.pending: tuple[list[float], list[float]] | None = None  # the reading before, and the jump
+        self._sum: list[float] = []
+        self._count, self._for_s = 0, 0.0
 
     def step(self, sensed: list[float], at_rest: bool, period: float) -> float:
-        last, self.last = self.last, sensed
-        if not last or not all(map(isfinite, [*sensed, *last])):
+        """Of one tick; a reading equal to the last one is the same sample, of a sensor slower than the ticks."""
+        last = self.last
+        if not all(map(isfinite, sensed)):
+            return 0.0
+        if not all(map(isfinite, last)):
+            self.last = sensed
             return 0.0
         if self.pending is not None:
+            self.last = sensed
             return self._confirmed(sensed, period)
+        still, self._still_s = self._still_s, self._still_s + period if at_rest else 0.0
+        change = apart(sensed, last)
+        if change == 0.0:
+            return 0.0
+        self.last = sensed
         self._heard_s = min(self._heard_s + period, max(QUIET_S, period))
+        if still > self._rest_s and change > self._least_n + 6.0 * self._usual:
+            self.pending, self._sum = (last, [a - b for a, b in zip(sensed, last, strict=True)]), [0.0] * len(sensed)
+            self._count, self._for_s = 0, 0.0
         share = period / self._heard_s if period > 0.0 else 0.0  # a mean at first, then one that forgets
-        for i, (new, old) in enumerate(zip(sensed, last, strict=True)):
-            change = abs(new - old)
-            if self._still_s > self._rest_s and change > self._least_n + 6.0 * self._usual[i]:
-                self.pending, self._sum, self._count, self._for_s = (i, old, new - old), 0.0, 0, 0.0
-            self._usual[i] += share * (change - self._usual[i])
-        self._still_s = self._still_s + period if at_rest else 0.0
+        self._usual += share * (change - self._usual)
         return 0.0
 
     def _confirmed(self, sensed: list[float], period: float) -> float:
         assert self.pending is not None
-        axis, before, size = self.pending
-        self._sum, self._count, self._for_s = self._sum + sensed[axis], self._count + 1, self._for_s + period
+        self._sum = [total + f for total, f in zip(self._sum, sensed, strict=True)]
+        self._count, self._for_s = self._count + 1, self._for_s + period
         if self._for_s < self._stays_s:
             return 0.0
-        self.pending = None
-        share = (self._sum / self._count - before) / size
-        return abs(size) if SAME[0] < share < SAME[1] else 0.0
+        before, jump = self.pending
+        self.pending, self._still_s = None, 0.0
+        moved = [total / self._count - b for total, b in zip(self._sum, before, strict=True)]
+        size = length(jump)
+        return size if SAME[0] < dot(moved, jump) / (size * size) < SAME[1] else 0.0
 
 
 class Shaking:
     """Amplitude [N] of what oscillates above 1 Hz; `amplitude` is the latest."""
 
-    def __init__(self) -> None:
-        self._slow = self._mean = self.amplitude = 0.0
+    def __init__(self, n_axes: int) -> None:
+        self._slow, self._mean, self.amplitude = [0.0] * n_axes, 0.0, 0.0
 
-    def step(self, force_n: float, period: float) -> None:
-        self._slow += (1.0 - exp(-2.0 * pi * period)) * (force_n - self._slow)
-        self._mean += min(period / 0.5, 1.0) * (abs(force_n - self._slow) - self._mean)
+    def step(self, force_n: Sequence[float], period: float) -> None:
+        share = 1.0 - exp(-2.0 * pi * period)
+        self._slow = [slow + share * (f - slow) for f, slow in zip(force_n, self._slow, strict=True)]
+        self._mean += min(period / 0.5, 1.0) * (apart(force_n, self._slow) - self._mean)
         self.amplitude = 1.57 * self._mean  # mean |sin| is amplitude / 1.57

@@ -127,6 +127,11 @@ class Case:
         return begins + self.event * (self.task.moving_s + self.task.rests_s)
 
     @property
+    def within_s(self) -> float:
+        """Within which a partner who lets go has gone, 0.05 to 2 s [s]; out of the seed, so that it moves no other draw."""
+        return 0.05 + 1.95 * (self.seed % 9973) / 9972
+
+    @property
     def _whole_s(self) -> float:
         """Duration of the steady way, rests included [s]."""
         return self.duration_s + float(self.way.rests.sum())
@@ -169,7 +174,7 @@ class Case:
     def stop_s(self) -> float:
         """When the partner's own plan, or misbehaviour, has come to its end [s]; 0 for one who only follows."""
         if self.behaviour in ("blocks", "lets go"):
-            return self.event_s
+            return self.event_s + (self.within_s if self.behaviour == "lets go" else 0.0)
         if self.leads:
             return self.course.stop_s
         return {"hesitates": self.event_s + self.pause_s, "steady": 0.0}.get(self.behaviour, self.event_s + 0.2 + self.duration_s)
@@ -264,7 +269,7 @@ def partner_of(case: Case, rng: np.random.Generator) -> Partner:
 
     first = leading(case.course) if case.leads else following()
     if case.behaviour == "lets go":
-        return LetsGo(first, case.event_s)
+        return LetsGo(first, case.event_s, case.within_s)
     if case.behaviour == "blocks":
         return Blocks(first, case.event_s, carried=case.carried)
     if case.leads:

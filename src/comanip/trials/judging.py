@@ -20,6 +20,7 @@ from .cases import AUTO_PATIENCE_S, Case
 from .following import Followed, followed
 
 FORCE_CUTOFF_HZ = 15.0  # what a hand can feel, and what the skill's force estimator passes
+FELL_M = 0.1  # from where it was when the partner began to let go
 NOTICED_S = 0.5  # within which letting go must have been noticed
 ROLE_WITHIN_S = 0.3  # after 1 cm of motion the role must be known
 MOVED_M = 0.01  # from here on the hand has moved
@@ -90,7 +91,7 @@ def bounds(case: Case) -> Bounds:
     changes role   leading partner who stops and follows: rests where that was (told nothing: finishes the task as taught);
                    following partner who takes the lead: ends where this partner wants to be
     blocks         the impact stays below the envelope's force limit (60 N), and it does not press on
-    lets go        noticed (COMPLY or HOLD) within 0.5 s, holds the object where it is
+    lets go        within 0.05 to 2 s: noticed (COMPLY or HOLD) 0.5 s later, has not sunk more than 10 cm, holds the object there
     """
     own = case.task.success
     held: dict[str, Any] = {"residual_n": own.residual_n, "ripple_m_per_s": own.ripple_m_per_s, "tilt_deg": own.tilt_deg}
@@ -311,12 +312,16 @@ def _off_the_way(case: Case, verdict: Verdict, along: Followed, lessons_clearanc
 
 
 def _unnoticed(case: Case, recording: Recording, run: _Run) -> list[str]:
-    after = run.t >= case.event_s + NOTICED_S
+    """Counted from when the partner's hand is gone; the way down from when it began to go."""
+    after = run.t >= case.event_s + case.within_s + NOTICED_S
     if not after.any():
         return ["the run ended before the partner let go"]
     noticed = "skill.mode" in recording.channels and recording["skill.mode"].values[after][0].max() > 0
-    went_on = _length(run.x[run.t >= case.event_s] - run.x[np.searchsorted(run.t, case.event_s)]).max() > 0.05
-    return [*([] if noticed else ["letting go not noticed"]), *(["went on alone"] if went_on else [])]
+    went_on = _length(run.x[after] - run.x[np.flatnonzero(after)[0]]).max() > 0.05
+    height = run.x @ np.array([axis.up for axis in case.task.axes_])
+    fell = height[np.searchsorted(run.t, case.event_s)] - height[run.t >= case.event_s].min() > FELL_M
+    found = ((not noticed, "letting go not noticed"), (bool(went_on), "went on alone"), (bool(fell), "fell"))
+    return [text for wrong, text in found if wrong]
 
 
 def success_interval(successes: int, trials: int, z: float = 1.96) -> tuple[float, float]:

@@ -1,0 +1,139 @@
+"""What the envelope makes of the force while its skill runs: what stops the hand, and whether that has passed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..interfaces import Observation
+from ..signals.vectors import dot, length
+from .detectors import LIGHT_N, Pushed, Sinking
+
+RUN, COMPLY, HOLD = 0, 1, 2
+GONE = "let go: the hand carries the whole object"
+SINKS = "let go or loaded: more hangs on the hand than its share"
+STUCK = "force stuck"
+PUSHED = "pushed along with {:.0f} N: sensor, or a weight on it?"
+BLOCKED, LOST = "blocked", "let go"
+SUNK = 0.9  # of what it may sink; nearer to its end it only creeps
+SINKS_S = 1.0  # it creeps at the end of what it may sink, and nobody answers, carries or pulls harder
+AGAIN_S = 8.0  # the longest wait before it tries again whether what blocked it has gone
+
+
+class Situation:
+    """A part of `Envelope`."""
+
+    def _watch(self: Any, obs: Observation, period: float) -> None:
+        """What the force says about the situation; and whether what stopped the hand has passed."""
+        if self._state == RUN:
+            self._look(period)
+        elif self._state == COMPLY:
+            self._feel(period)
+        if self._state != RUN and self._passes:
+            self._recover(obs, period)
+
+    def _look(self: Any, period: float) -> None:
+        """Blocked, let go, sinking, pushed, shaken, wrongly tared."""
+        limits = self.limits
+        speed, size = length(self._v), length(self._force)
+        if self._let_go.step(speed, period):  # or it presses on a wall with just that force, or somebody leans on it
+            self._comply(GONE)
+            self._feels_s, self._pulled = limits.feel_s, self._let_go.pull()
+        self._sink(period)
+        self._pushed.step(self._force, self._v, period)
+        if self._pushed.work > limits.pushed_j:
+            self._comply(PUSHED.format(size))
+            self._pushed = Pushed(limits.pushed_n)
+        self._press(speed, period)
+        if self._let_go.load <= LIGHT_N:
+            self._miss(speed, size, period)
+        self._shaking.step(self._force, period)
+        if self._ticks < 5:  # before anybody can have moved; later the hand leans on the partner until F is 0 again
+            self._ticks += 1
+            self._at_first = [a + (f - a) / self._ticks for a, f in zip(self._at_first, self._force, strict=True)]
+        self._rest_s = self._rest_s + period if speed < 0.05 else 0.0
+        self._felt = [a + min(period, 1.0) * (f - a) for a, f in zip(self._felt, self._force, strict=True)]
+
+    def _sink(self: Any, period: float) -> None:
+        """Down with a partner who carries too little: a few centimetres, and then no farther."""
+        self._sinking.step(self._let_go.weight, self._let_go.load, self._force, self._v, period)
+        ends = self._sinking.hangs and self._sinking.sunk > SUNK * self.limits.sink_m
+        self._sinks_s = self._sinks_s + period if ends else 0.0
+        if self._sinks_s > SINKS_S:
+            self._pause(SINKS)
+
+    def _press(self: Any, speed: float, period: float) -> None:
+        """Against something that does not give way; sooner while it only tries whether that has gone."""
+        limits = self.limits
+        against = -dot(self._force, self._v) / max(speed, 1e-6)
+        self._blocked_ns = self._blocked_ns + against * period if against > limits.blocked_n else 0.0
+        if self._blocked_ns > limits.blocked_n * limits.blocked_s:
+            self._comply(BLOCKED)
+            self._impact_s = limits.impact_s
+        wish = self._inner.velocity.tolist()
+        if self._passed == BLOCKED and -dot(self._force, wish) > limits.offer_n * length(wish):
+            self._wait_s = min(2.0 * self._wait_s, AGAIN_S)
+            self._comply(BLOCKED)
+
+    def _miss(self: Any, speed: float, size: float, period: float) -> None:
+        """Somebody who was there and is no more, where the object weighs nothing along the axes."""
+        limits = self.limits
+        if speed < limits.moving_m_per_s:
+            self._held = False
+        self._held = self._held or size > limits.held_n
+        self._alone_s = self._alone_s + period if self._held and size < limits.let_go_n and speed > limits.let_go_m_per_s else 0.0
+        if self._alone_s > limits.let_go_s:
+            self._comply(LOST)
+
+    def _feel(self: Any, period: float) -> None:
+        """Complying; after a moment of it a wall is left behind, and an object that nobody holds is not."""
+        self._shaking.step(self._force, period)
+        self._sink(period)
+        self._pushed.step(self._force, self._v, period)
+        if self._pushed.work > self.limits.pushed_j and self._reason != BLOCKED:  # from a wall it is pushed indeed
+            self._pause(PUSHED.format(length(self._force)))
+        if self._feels_s <= 0.0:
+            if self._let_go.step(length(self._v), period):
+                self._pause(GONE)
+            return
+        self._feels_s -= period
+        if self._feels_s > 0.0:
+            return
+        if self._let_go.nobody_pulls(self._pulled):
+            self._pause(GONE)
+        elif length(self._force) < 0.5 * self._let_go.load:
+            self._reason = BLOCKED
+        else:  # somebody answers, and is followed
+            self._let_go.forget()
+            self._goes_on(GONE)
+
+    def _recover(self: Any, obs: Observation, period: float) -> None:
+        """Goes on by itself, faded in, when the force that stopped it is over for a while."""
+        limits, load = self.limits, self._let_go.load
+        still = dot(self._force, self._cause) / max(length(self._cause), 1e-9)  # of the force that stopped it
+        over = still < min(limits.pull_n, self._bound, 0.5 * load if load > LIGHT_N else limits.pull_n)
+        if self._reason == LOST:
+            over = length(self._force) > 3.0 * limits.let_go_n
+        self._passed_s = self._passed_s + period if over and self._known and self._feels_s <= 0.0 else 0.0
+        if self._passed_s <= (self._wait_s if self._reason == BLOCKED else limits.passed_s):
+            return
+        if (self._state == HOLD and length(self._v) > 0.0) or self._problem(obs):
+            return
+        reason = self._reason
+        try:
+            self.skill.reset(obs)
+        except Exception as error:
+            self._fault(f"policy: {error!r}")
+            return
+        if self._state == HOLD:  # from where the arm is
+            self._x, self._sent = list(self._at), list(self._at)
+            self._checker.start(self._at)
+        self._let_go.forget()
+        self._sinking = Sinking(limits.alone_n)
+        self._goes_on(reason)
+
+    def _goes_on(self: Any, reason: str) -> None:
+        """In RUN, faded in; `reason` has passed."""
+        self._state, self._reason, self._passes, self._passed, self._confidence[0] = RUN, "", False, reason, 0.0
+        self._pushed = Pushed(self.limits.pushed_n)
+        self._sinks_s = self._blocked_ns = 0.0
+        self._wanted = [0.0] * self._d
