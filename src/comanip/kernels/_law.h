@@ -76,12 +76,6 @@ static double dot(const double *a, const double *b, int d) {
 
 static double length(const double *a, int d) { return sqrt(dot(a, a, d)); }
 
-static double largest(const double *a, int d) {
-    double top = 0.0;
-    for (int i = 0; i < d; i++) top = most(top, fabs(a[i]));
-    return top;
-}
-
 static int all_finite(const double *a, int d) {
     for (int i = 0; i < d; i++)
         if (!isfinite(a[i])) return 0;
