@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.lessons.demonstration import demonstrations
 from comanip.plants.beam import BeamPlant
 from comanip.reproduction import make_skill

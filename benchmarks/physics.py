@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from comanip.interfaces import Skill
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.lessons.demonstration import demonstrations
 from comanip.people.partners import HumanLeader
 from comanip.plants.humanoid import HumanoidPlant

@@ -16,7 +16,7 @@ import numpy as np
 
 from comanip import kernels
 from comanip.interfaces import Command, Observation, Skill
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.lessons.demonstration import demonstrations
 from comanip.reproduction import make_auto, make_skill
 from comanip.teaching import teach

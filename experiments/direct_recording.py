@@ -32,7 +32,7 @@ from comanip.evaluation.metrics import effort
 from comanip.evaluation.prediction import overall, predict
 from comanip.interaction import Payload
 from comanip.interfaces import STANDARD_GRAVITY, Array, Command, Observation, Partner
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.lessons.demonstration import Demonstration, demonstrations
 from comanip.loop import run as run_loop
 from comanip.people.partners import HumanFollower, HumanLeader, HumanSharing, Plan, dyad

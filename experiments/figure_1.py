@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from comanip.evaluation.claims import Claim, at_least, at_most
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.lessons.demonstration import demonstrations
 from comanip.recording import Recording
 from comanip.reproduction import make_skill

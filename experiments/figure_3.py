@@ -22,7 +22,8 @@ from comanip.experiments.readings import LETTER, READING, script
 from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.interfaces import Array
-from comanip.learned.skill import LearnedSkill, learn
+from comanip.learned.learn import learn
+from comanip.learned.skill import LearnedSkill
 from comanip.lessons.demonstration import Demonstration
 from comanip.skills.paper import PaperLaw
 

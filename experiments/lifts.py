@@ -7,7 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from comanip.interaction import Payload
-from comanip.learned.skill import LearnedSkill, learn
+from comanip.learned.learn import learn
+from comanip.learned.skill import LearnedSkill
 from comanip.lessons.demonstration import Demonstration, demonstrations
 from comanip.plants.beam import Beam
 from comanip.teaching import Habits, teach

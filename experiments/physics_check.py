@@ -24,7 +24,7 @@ from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.interaction import gravity_along, identify_payload
 from comanip.interfaces import Array
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.lessons.demonstration import demonstration, demonstrations
 from comanip.parallel import each
 from comanip.plants.beam import Beam

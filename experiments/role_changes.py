@@ -21,7 +21,8 @@ from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_most
 from comanip.interaction import TaringInteractionForce, gravity_along
 from comanip.interfaces import Array, Partner
-from comanip.learned.skill import LearnedSkill, learn
+from comanip.learned.learn import learn
+from comanip.learned.skill import LearnedSkill
 from comanip.lessons.demonstration import demonstrations
 from comanip.loop import run as run_loop
 from comanip.people.intent import Legs

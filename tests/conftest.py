@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from comanip.learned.skill import LearnedSkill, learn
+from comanip.learned.learn import learn
+from comanip.learned.skill import LearnedSkill
 from comanip.lessons.demonstration import Demonstration, demonstrations
 from comanip.teaching import ROLES, teach
 

@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from comanip import Beam, Recording, read, shown, teach
+from comanip import Beam, Recording, read, teach
 from comanip.commands import ending
 from comanip.errors import BackendError, ParameterError
+from comanip.evaluation import shown
 from comanip.formats.background import writing
 from comanip.loop import unbroken
 from comanip.parallel import each, end_with

@@ -15,7 +15,7 @@ import pytest
 
 from comanip.errors import ParameterError
 from comanip.evaluation.claims import at_least, at_most
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.lessons.demonstration import Demonstration, demonstrations
 from comanip.loop import run
 from comanip.plants.replay import ReplayPlant

@@ -9,7 +9,7 @@ import pytest
 
 from comanip.errors import ParameterError
 from comanip.interfaces import Command, Observation
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.lessons.demonstration import demonstrations
 from comanip.loop import WallClock, run
 from comanip.plants.replay import ReplayPlant, distort_time

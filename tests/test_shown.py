@@ -15,7 +15,7 @@ import pytest
 import comanip
 from comanip.commands.flag_words import NAMED, OTHERWISE, in_flags
 from comanip.commands.flags import DataFlags, LearnFlags
-from comanip.shown import for_drawing, for_html, plain_text
+from comanip.evaluation.shown import for_drawing, for_html, plain_text
 
 ROOT = Path(comanip.__file__).parent
 UGLY = "[/red]a\x1b[31m<b>$x^$\u202egpj"

@@ -7,10 +7,10 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from comanip import teaching
 from comanip.errors import ParameterError
 from comanip.lessons.demonstration import demonstrations
 from comanip.people.intent import Intent, Plan, Yielding
+from comanip.plants import makers
 from comanip.plants.beam import Beam, BeamPlant
 from comanip.teaching import DYADS, ROLES, SCENARIOS, teach
 
@@ -109,10 +109,10 @@ def test_a_plant_that_is_not_there_is_named_with_its_remedy(monkeypatch):
     def absent(name):
         raise ImportError(f"no module named {name!r}")
 
-    monkeypatch.setattr(teaching, "import_module", absent)
+    monkeypatch.setattr(makers, "import_module", absent)
     with pytest.raises(ParameterError, match=r"pip install 'comanip\[humanoid\]'"):
         teach("leader", 1, rng=np.random.default_rng(0), plant="humanoid")
-    with pytest.raises(ParameterError, match="plants are: beam, humanoid"):
+    with pytest.raises(ParameterError, match="there are: beam, humanoid"):
         teach("leader", 1, rng=np.random.default_rng(0), plant="biped")
 
 
@@ -126,7 +126,7 @@ def test_a_humanoid_is_taught_like_the_beam():
 
 
 def test_an_unknown_scenario_is_named():
-    with pytest.raises(ParameterError, match="roles are: leader, follower, natural"):
+    with pytest.raises(ParameterError, match="there are: leader, follower, natural"):
         teach("boss", 1, rng=np.random.default_rng(0))
 
 

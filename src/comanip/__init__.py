@@ -28,7 +28,7 @@ _PUBLIC = {
     "TaringInteractionForce": "comanip.interaction",
     # Learning a skill
     "LearnedSkill": "comanip.learned.skill",
-    "learn": "comanip.learned.skill",
+    "learn": "comanip.learned.learn",
     "learn_stream": "comanip.learned.stream",
     "save_skill": "comanip.learned.file",
     "load_skill": "comanip.learned.file",
@@ -129,8 +129,8 @@ if TYPE_CHECKING:  # the same once more for type checkers and editors; a test co
     from .interfaces import Tap as Tap
     from .learned.file import load as load_skill  # noqa: F401
     from .learned.file import save as save_skill  # noqa: F401
+    from .learned.learn import learn as learn
     from .learned.skill import LearnedSkill as LearnedSkill
-    from .learned.skill import learn as learn
     from .learned.stream import learn_stream as learn_stream
     from .lessons.demonstration import Demonstration as Demonstration
     from .lessons.demonstration import demonstrations as demonstrations

@@ -39,6 +39,7 @@ MOVED = {
     "plants.partners": "people.partners",
     "sealed": "whole_file",
     "shards": "lessons.shards",
+    "shown": "evaluation.shown",
     "skill_file": "learned.file",
     "skills.checker": "safety.checker",
     "skills.envelope": "safety.envelope",

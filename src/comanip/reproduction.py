@@ -10,6 +10,7 @@ import numpy as np
 from .errors import MismatchError, ParameterError
 from .interfaces import Skill
 from .learned.skill import LearnedSkill, check_fits
+from .parts import Law, check_settings, known, learned_laws, wanted
 
 if TYPE_CHECKING:
     from .interfaces import Array
@@ -33,7 +34,7 @@ def make_skill(
 ) -> Skill:
     """The skill that runs `learned` on a robot with these axes and control period [s].
 
-    law       "default" or "paper"; None takes the skill's own, with its stored settings
+    law       "default", "paper" or another of `parts.learned_laws()`; None takes the skill's own, with its stored settings
     role      only for a skill that states none; another role than the stated is a MismatchError
     envelope  the safety envelope around it (docs/safety.md): on, with walls and speed as taught; off; or on with these Limits,
               with walls as taught where they state none
@@ -43,11 +44,13 @@ def make_skill(
               None: a follower infers it, a leader takes the one of most lessons
     settings  of the law, on top of the stored ones
     """
-    skill = _law(learned, axes=axes, dt=dt, law=law, role=role, gives_way=gives_way, goal=goal, settings=settings)
-    if envelope is False:
-        return skill
-    yields = (law or learned.law) == "default"
-    return enveloped(skill, [learned], axes=axes, dt=dt, limits=_stated(envelope), yields=yields)
+    name = law or learned.law
+    part = known("law", name, learned_laws())
+    check_fits(learned, axes=axes, dt=dt, role=role)
+    role, settings = role or learned.role, {**stored_settings(learned, name), **settings}
+    check_settings(name, settings)
+    skill = part.load()(role, {role: learned}, dt, **_told(name, part, goal=goal, gives_way=gives_way), **settings)
+    return skill if envelope is False else _within([learned], skill, part, envelope, axes, dt)
 
 
 def make_auto(
@@ -63,32 +66,52 @@ def make_auto(
     """A skill that finds out by itself whether to lead or to follow. Settings stored with the skills count, each for its role.
 
     learned   by role: "leader" and "follower", and "natural" if there are such lessons
-    law       "default", the only one that can do without being told; None takes the skills' own, and refuses "paper"
+    law       one that can do without being told (`parts.LAWS`): "default"; None takes the skills' own, and refuses "paper"
     policy    when it takes over and gives way; default: `skills.roles.RolePolicy.taught`, as patient as lessons ask
     goal      as for `make_skill`
     """
-    from .skills.collaborate import CollaborativeLaw
-    from .skills.roles import RoleEvidence, RolePolicy
-
     if missing := [role for role in ("leader", "follower") if role not in learned]:
         raise ParameterError(f"role 'auto' needs skills of both roles; missing: {', '.join(missing)}")
     for one in learned.values():
         check_fits(one, axes=axes, dt=dt)
+    name = _untold(law, learned)
+    part = learned_laws()[name]
+    skill = part.load()("auto", learned, dt, **_told(name, part, goal=goal, policy=policy))
+    return skill if envelope is False else _within(list(learned.values()), skill, part, envelope, axes, dt)
+
+
+def _untold(law: str | None, learned: Mapping[str, LearnedSkill]) -> str:
+    """Name of the law for a robot that is told nothing: `law`, or that which both skills were learned for."""
+    able = {name for name, part in learned_laws().items() if part.untold}
     chosen = {role: law or learned[role].law for role in ("leader", "follower")}
     for role, name in chosen.items():
-        if name != "default":
+        known("law", name, learned_laws())
+        if name not in able:
             whose = "" if law else f" (the {role}'s skill was learned for it)"
-            raise ParameterError(f"law {name!r} has to be told its role{whose}; role 'auto' works with law 'default'")
-    laws = {role: CollaborativeLaw.for_role(role, **_stored(learned[role], "default")) for role in chosen}
-    models = {role: learned[role].model for role in ("leader", "follower", "natural") if role in learned}
-    evidence = RoleEvidence(models, dt=learned["leader"].dt)
-    policy = policy or RolePolicy.taught(references_of(learned["leader"]), learned["follower"].onsets_s)
-    skill = _role_skill(
-        learned["leader"], laws["leader"], axes, dt, following=laws["follower"], evidence=evidence, policy=policy, goal=goal
-    )
-    if envelope is False:
-        return skill
-    return enveloped(skill, list(learned.values()), axes=axes, dt=dt, limits=_stated(envelope), yields=True)
+            raise ParameterError(f"law {name!r} has to be told its role{whose}; role 'auto' works with law {_quoted(able)}")
+    if len(set(chosen.values())) > 1:
+        said = " and ".join(f"the {role}'s for {name!r}" for role, name in chosen.items())
+        raise ParameterError(f"the skills were learned for two laws, {said}; say which one runs: law {_quoted(able)}")
+    return chosen["leader"]
+
+
+def _quoted(names: set[str]) -> str:
+    return " or ".join(repr(name) for name in sorted(names))
+
+
+def _told(name: str, part: Law, **asked: Any) -> dict[str, Any]:
+    """What the law's maker takes of goal, gives_way and policy; a goal or a policy that it does not take is refused."""
+    taken = wanted(part.load(), asked)
+    for what in ("goal", "policy"):
+        if asked.get(what) is not None and what not in taken:
+            raise ParameterError(f"law {name!r} takes no {what}; leave it out")
+    return taken
+
+
+def _within(
+    learned: Sequence[LearnedSkill], skill: Skill, part: Law, envelope: bool | Limits, axes: tuple[str, ...], dt: float
+) -> Skill:
+    return enveloped(skill, learned, axes=axes, dt=dt, limits=_stated(envelope), yields=part.yields)
 
 
 def references_of(learned: LearnedSkill) -> tuple[PhaseReference, ...]:
@@ -117,37 +140,9 @@ def goal_of(learned: LearnedSkill, goal: int | Array | None) -> int | None:
     return int(np.argmin([np.linalg.norm(path.ends.mean(axis=0) - place) for path in learned.paths])) if learned.paths else 0
 
 
-def _stored(learned: LearnedSkill, law: str) -> dict[str, Any]:
+def stored_settings(learned: LearnedSkill, law: str) -> dict[str, Any]:
     """Settings that were stored with the skill, if they are of this law."""
     return dict(learned.settings) if learned.law == law else {}
-
-
-def _role_skill(
-    learned: LearnedSkill,
-    law: CollaborativeLaw,
-    axes: tuple[str, ...],
-    dt: float,
-    *,
-    goal: int | Array | None,
-    following: CollaborativeLaw | None = None,
-    policy: RolePolicy | None = None,
-    **about: Any,
-) -> Skill:
-    from .skills.collaborate import CollaborativeLaw, Watch
-    from .skills.roles import RolePolicy, RoleSkill
-
-    references = references_of(learned)
-    return RoleSkill(
-        Watch(learned.model, learned.dt, dt),
-        references,
-        leading=law,
-        following=following or CollaborativeLaw.for_role("follower"),
-        axes=axes,
-        dt=dt,
-        policy=policy or RolePolicy.taught(references, learned.onsets_s),
-        goal=goal_of(learned, goal),
-        **about,
-    )
 
 
 def _stated(envelope: bool | Limits) -> Limits | None:
@@ -171,39 +166,80 @@ def enveloped(
     return Envelope(skill, axes=axes, dt=dt, limits=as_taught(learned, limits, yields=yields) if learned else limits or Limits())
 
 
-def _law(
-    learned: LearnedSkill,
-    *,
-    axes: tuple[str, ...],
-    dt: float,
-    law: str | None,
-    role: str | None,
-    gives_way: bool,
-    goal: int | Array | None,
-    settings: dict[str, Any],
-) -> Skill:
-    check_fits(learned, axes=axes, dt=dt, role=role)
-    law = law or learned.law
-    settings = {**_stored(learned, law), **settings}
-    if law == "paper":
-        from .skills.paper import PaperSkill, law_from
+def paper_law(role: str, learned: Mapping[str, LearnedSkill], dt: float, **settings: Any) -> Skill:
+    """Eq. (5) of the paper."""
+    from .skills.paper import PaperSkill, law_from
 
-        return PaperSkill(
-            learned.model, axes=axes, dt=dt, model_dt=learned.dt, workspace=learned.workspace, law=law_from(settings)
-        )
+    one = learned[role]
+    return PaperSkill(one.model, axes=one.axes, dt=dt, model_dt=one.dt, workspace=one.workspace, law=law_from(settings))
+
+
+def default_law(
+    role: str,
+    learned: Mapping[str, LearnedSkill],
+    dt: float,
+    *,
+    goal: int | Array | None = None,
+    gives_way: bool = True,
+    policy: RolePolicy | None = None,
+    **settings: Any,
+) -> Skill:
+    """The law of docs/laws.md; a leader who `gives_way`, and a robot that is told nothing, may change its role."""
     from .skills.collaborate import CollaborativeLaw, CollaborativeSkill
 
-    role = role or learned.role
-    compliant = CollaborativeLaw.for_role(role, **settings)
+    if role == "auto":
+        return _told_nothing(learned, dt, goal, policy)
+    one = learned[role]
+    law = CollaborativeLaw.for_role(role, **settings)
     if role == "leader" and gives_way:
-        return _role_skill(learned, compliant, axes, dt, goal=goal, leads=True)
+        return _role_skill(one, law, dt, goal=goal, leads=True)
     return CollaborativeSkill(
-        learned.model,
-        references_of(learned),
+        one.model,
+        references_of(one),
         role=role,
-        axes=axes,
+        axes=one.axes,
         dt=dt,
-        model_dt=learned.dt,
-        law=compliant,
+        model_dt=one.dt,
+        law=law,
+        goal=goal_of(one, goal),
+    )
+
+
+def _told_nothing(learned: Mapping[str, LearnedSkill], dt: float, goal: int | Array | None, policy: RolePolicy | None) -> Skill:
+    from .skills.collaborate import CollaborativeLaw
+    from .skills.roles import RoleEvidence, RolePolicy
+
+    leader, follower = (
+        CollaborativeLaw.for_role(role, **stored_settings(learned[role], "default")) for role in ("leader", "follower")
+    )
+    models = {role: learned[role].model for role in ("leader", "follower", "natural") if role in learned}
+    evidence = RoleEvidence(models, dt=learned["leader"].dt)
+    policy = policy or RolePolicy.taught(references_of(learned["leader"]), learned["follower"].onsets_s)
+    return _role_skill(learned["leader"], leader, dt, following=follower, evidence=evidence, policy=policy, goal=goal)
+
+
+def _role_skill(
+    learned: LearnedSkill,
+    law: CollaborativeLaw,
+    dt: float,
+    *,
+    goal: int | Array | None,
+    following: CollaborativeLaw | None = None,
+    policy: RolePolicy | None = None,
+    **about: Any,
+) -> Skill:
+    from .skills.collaborate import CollaborativeLaw, Watch
+    from .skills.roles import RolePolicy, RoleSkill
+
+    references = references_of(learned)
+    return RoleSkill(
+        Watch(learned.model, learned.dt, dt),
+        references,
+        leading=law,
+        following=following or CollaborativeLaw.for_role("follower"),
+        axes=learned.axes,
+        dt=dt,
+        policy=policy or RolePolicy.taught(references, learned.onsets_s),
         goal=goal_of(learned, goal),
+        **about,
     )

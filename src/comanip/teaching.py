@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from importlib import import_module
 from inspect import signature
 from pathlib import Path
 from typing import Any, Protocol
@@ -17,15 +16,16 @@ from typing import Any, Protocol
 import numpy as np
 
 from .devices.link import Link, Network
-from .devices.phantom import IDEAL, Handle, HeldHandle, phantom
+from .devices.phantom import IDEAL
 from .errors import ParameterError
 from .interaction import interaction_force
 from .interfaces import Array, HapticDevice, Partner, Plant
 from .loop import run, unbroken
+from .parts import DEVICES, PLANTS, known, unknown
 from .people.intent import Course, Yielding
 from .people.partners import Arm, HumanFollower, HumanLeader, HumanSharing, dyad
 from .people.teacher import Teacher, TeacherHand
-from .plants.beam import Beam, BeamPlant, WristSensor
+from .plants.beam import Beam, WristSensor
 from .recording import Recording
 from .signals.filters import differentiate, smooth
 from .skills.passivity import Passive
@@ -105,7 +105,7 @@ DYADS = {
 class Coupling:
     """Eqs. (1), (2): what the haptic side is set to.
 
-    device     "ideal" (mass, friction and an 8.5 N limit) or "phantom" (a Premium 1.5: see `PHANTOM`)
+    device     one of `parts.DEVICES`: "ideal" (mass, friction and an 8.5 N limit), "phantom" (a Premium 1.5: see `PHANTOM`) ...
     network    between device and robot; None: a cable without delay
     passivity  energy that the network makes is taken out on the device's side (`skills.passivity`)
     """
@@ -119,8 +119,12 @@ class Coupling:
     limits: CouplingLimits = field(default_factory=CouplingLimits)
 
     def __post_init__(self) -> None:
-        if self.device not in ("ideal", "phantom"):
-            raise ParameterError(f"device {self.device!r} is unknown; devices are: ideal, phantom")
+        known("device", self.device, DEVICES)
+
+    @classmethod
+    def usual(cls, device: str, **changes: Any) -> Coupling:
+        """With the velocity scale at which a lift fits that device's workspace."""
+        return cls(**{"device": device, "velocity_scale": known("device", device, DEVICES).velocity_scale, **changes})
 
     @property
     def rendered_gain(self) -> float:
@@ -129,9 +133,7 @@ class Coupling:
         return self.force_gain * self.limits.feedback(delay)
 
 
-# 267 mm of height, taken hold of 15 mm above the lowest: 1.6 lets a lift of 0.4 m fit; at 1.3 it would end at 0.33 m
-PHANTOM = Coupling(velocity_scale=1.6, device="phantom")
-EDGE_M = 0.0155
+PHANTOM = Coupling.usual("phantom")
 
 
 class MakesPlant(Protocol):
@@ -162,7 +164,7 @@ def teach(
     task     one that ships by its name, a file, or a Task
     beam     the object; default: the task's own
     habits   the dyad, for example DYADS["b"]
-    plant    "beam", "humanoid" (needs mujoco), or your own maker of a `Plant`, called as MakesPlant says
+    plant    of `parts.PLANTS`: "beam", "humanoid" (needs mujoco) ...; or your own maker of a `Plant`, called as MakesPlant says
     keep     called with number and Recording as soon as a lesson is over, to store it: a crash then loses one lesson, not all
 
     The recordings hold device, hand, object and partner: the raw sensor force (hand.sensor_force) and what eq. (3) makes of it
@@ -171,7 +173,7 @@ def teach(
     under metadata["incomplete"]. So is one that Control-C cut; then no other is begun, and KeyboardInterrupt goes on.
     """
     if role not in SCENARIOS:
-        raise ParameterError(f"role {role!r} is unknown; roles are: {', '.join(SCENARIOS)}")
+        raise unknown("role", role, SCENARIOS)
     what, make = named(task).runnable(), _maker(plant)
     carried = beam or Beam(mass_kg=what.carried.mass_kg, length_m=what.carried.length_m)
     recordings = []
@@ -278,71 +280,20 @@ def _with_interaction_force(recording: Recording, beam: Beam, task: Task) -> Rec
     return recording.with_channels({"hand.compensated_force": replace(sensed, values=force)})
 
 
-def _beam_plant(
-    partner: Partner, *, beam: Beam, sensor: WristSensor, dt: float, start_position: Array, rng: Rng, task: Task = named("lift")
-) -> Plant:
-    return BeamPlant(
-        partner,
-        beam=beam,
-        sensor=sensor,
-        axes=task.axes,
-        axial=task.carried.along,
-        gravity=task.gravity.tolist(),
-        dt=dt,
-        start_position=start_position,
-        rng=rng,
-    )
-
-
-def _humanoid_plant(
-    partner: Partner, *, beam: Beam, sensor: WristSensor, dt: float, start_position: Array, rng: Rng, task: Task = named("lift")
-) -> Plant:
-    try:
-        humanoid = import_module("comanip.plants.humanoid")
-        made: Plant = humanoid.HumanoidPlant(
-            partner, load_mass_kg=beam.mass_kg, sensor=sensor, axes=task.axes, dt=dt, start_position=start_position, rng=rng
-        )
-    except ImportError as error:
-        raise ParameterError(
-            f"plant 'humanoid' cannot be built here ({error}): pip install 'comanip[humanoid]', or use plant 'beam'"
-        ) from None
-    return made
-
-
-PLANTS: dict[str, MakesPlant] = {"beam": _beam_plant, "humanoid": _humanoid_plant}
-
-
 def _maker(plant: str | MakesPlant) -> MakesPlant:
     if not isinstance(plant, str):
         return plant
-    if plant not in PLANTS:
-        raise ParameterError(f"plant {plant!r} is unknown; plants are: {', '.join(PLANTS)}")
-    return PLANTS[plant]
+    made: MakesPlant = known("plant", plant, PLANTS).load()
+    return made
 
 
 def _device(teacher: Teacher, course: Course, task: Task, coupling: Coupling, rng: np.random.Generator) -> HapticDevice:
     """The handle, its account of energy on its own side, and the network between them and the robot."""
-    device: HapticDevice = HeldHandle(teacher, n_axes=len(task.axes))
-    if coupling.device == "phantom":
-        handle = phantom(task.axes)
-        device = HeldHandle(teacher, handle, n_axes=len(task.axes), start_m=_taken_at(handle, course, coupling.velocity_scale))
+    moves = course.sampled(np.linspace(course.start_s, course.stop_s, 100)) / coupling.velocity_scale
+    device: HapticDevice = DEVICES[coupling.device].load()(teacher, axes=task.axes, moves=moves)
     if coupling.passivity:
         device = Passive(device)
     return device if coupling.network is None else Link(device, coupling.network, rng=rng)
-
-
-def _taken_at(handle: Handle, course: Course, scale: float) -> Array:
-    """(d,) where a teacher takes hold of the handle, so that the whole course fits: near the edge that it leads away from."""
-    moved = course.sampled(np.linspace(course.start_s, course.stop_s, 100)) / scale
-    start = []
-    for (low, high), least, most in zip(handle.workspace_m or (), moved.min(axis=0), moved.max(axis=0), strict=True):
-        if least > -EDGE_M and most > EDGE_M:
-            start.append(round(low + EDGE_M, 3))
-        elif most < EDGE_M and least < -EDGE_M:
-            start.append(round(high - EDGE_M, 3))
-        else:
-            start.append(0.5 * (low + high) - 0.5 * float(least + most))
-    return np.array(start)
 
 
 def _people(

@@ -293,7 +293,7 @@ def test_o10_other_settings_that_cannot_be_are_named():
         phantom(workspace_m=((0.1, 0.1),))
     with pytest.raises(ParameterError, match="outside the device's workspace"):
         HeldHandle(Pushing(lambda t: 0.0), phantom(), start_m=np.array([0.2]))
-    with pytest.raises(ParameterError, match="devices are: ideal, phantom"):
+    with pytest.raises(ParameterError, match="there are: ideal, phantom"):
         Coupling(device="omni")
 
 

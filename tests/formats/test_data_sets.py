@@ -152,7 +152,7 @@ def test_d29_suspicions_are_said_once_and_kept_with_the_skill(tmp_path):
 
 
 def test_the_stream_and_memory_learn_one_model_with_the_same_notes_of_stability(tmp_path):
-    from comanip.learned.skill import learn, stability_notes
+    from comanip.learned.learn import learn, stability_notes
 
     folder = write_set(tmp_path / "a", frames_of(8))
     streamed = learn_stream(

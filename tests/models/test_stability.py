@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.models.hmm import Hmm
 from comanip.models.stability import (
     PARTNERS,

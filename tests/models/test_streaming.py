@@ -17,7 +17,7 @@ import comanip
 from comanip.errors import ChannelError, RecordingError, SkillFileError, TrainingError
 from comanip.fitting.hmm import fit_hmm
 from comanip.fitting.streaming import fit_stream
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.learned.stream import learn_stream
 from comanip.lessons.shards import ParquetShards, RecordingShards, files_of
 from toys import CHANNELS, Stored, lifts

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from comanip.learned import file as skill_file
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.models.taught_path import goals_of, taught_paths
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "skills"))

@@ -168,7 +168,7 @@ def test_somebody_who_levels_pushes_against_what_it_sees_and_not_at_once():
 @pytest.mark.parametrize(
     ("about", "said"),
     [
-        ({"name": "ghost"}, "'ghost' is no kind of person; there are: plain"),
+        ({"name": "ghost"}, "kind of person 'ghost' is unknown; there are: plain"),
         ({"name": "sticks"}, "'sticks' plays following only; got role 'leading'"),
         ({"course": None}, "cannot lead without a course"),
         ({"axes": ("x", "z")}, "a body that carries along 1 axes cannot hold 2"),

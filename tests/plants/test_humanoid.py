@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from comanip import teaching
 from comanip.commands.app import main
 from comanip.errors import ParameterError
 from comanip.formats import read
 from comanip.interfaces import STANDARD_GRAVITY
 from comanip.loop import run
 from comanip.people.partners import Arm, HumanLeader, Plan, minimum_jerk
+from comanip.plants import makers
 from comanip.plants.beam import BeamPlant, WristSensor
 from comanip.plants.humanoid import load_robot
 from comanip.plants.humanoid.self_collision import SelfCollision
@@ -179,8 +179,8 @@ def test_a_lesson_that_ends_so_is_kept_in_its_file_with_the_reason(tmp_path, mon
                 out[:] = np.nan
 
     numbers = itertools.count()
-    humanoid = teaching.PLANTS["humanoid"]
-    monkeypatch.setitem(teaching.PLANTS, "humanoid", lambda partner, **rest: humanoid(Lost(partner, next(numbers)), **rest))
+    humanoid = makers.humanoid_plant
+    monkeypatch.setattr(makers, "humanoid_plant", lambda partner, **rest: humanoid(Lost(partner, next(numbers)), **rest))
     words = "comanip teach --plant humanoid --role leader --lessons 3 -o".split()
     monkeypatch.setattr(sys, "argv", [*words, str(tmp_path), "--json"])
     monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # `main` has its own

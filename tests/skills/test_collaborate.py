@@ -9,7 +9,7 @@ import pytest
 
 from comanip.errors import MismatchError, ParameterError
 from comanip.interfaces import Command, Observation
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.reproduction import make_skill, references_of
 from comanip.skills.collaborate import CollaborativeLaw
 from comanip.trials import draw_case, judge, run_case, run_cases, success_interval

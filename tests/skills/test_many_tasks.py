@@ -10,7 +10,7 @@ from many_tasks import TASKS, carry, course, crank, lesson, lessons
 
 from comanip.errors import ParameterError
 from comanip.interfaces import Command, Observation
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.reproduction import make_auto, make_skill, references_of
 from comanip.skills.collaborate import CollaborativeLaw, CollaborativeSkill, Compliance
 from comanip.skills.roles import FOLLOWS, RolePolicy

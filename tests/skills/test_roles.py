@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from comanip.errors import MismatchError
 from comanip.interaction import TaringInteractionForce, gravity_along
 from comanip.interfaces import Command, Observation
-from comanip.learned.skill import learn
+from comanip.learned.learn import learn
 from comanip.lessons.demonstration import demonstrations
 from comanip.loop import run
 from comanip.people.intent import Legs

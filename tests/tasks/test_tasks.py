@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from comanip import demonstrations
+from comanip import demonstrations, parts
 from comanip.commands import trying
 from comanip.errors import ParameterError
 from comanip.interfaces import STANDARD_GRAVITY
@@ -16,7 +16,6 @@ from comanip.tasks import TASKS, draw_lesson, named, read_task, retimed, usual, 
 from comanip.teaching import teach
 from comanip.trials import draw_case, judge, run_case
 from comanip.trials.cases import ROLES
-from comanip.trials.running import PLANTS
 
 TWELVE = (
     "lift", "lower", "lift-hold-lower", "two-stages", "slide", "round-the-corner", "pick-carry-place", "saw", "crank",
@@ -188,11 +187,8 @@ def replace_force(lesson):
     return type(lesson)({n: c for n, c in lesson.channels.items() if n != "hand.compensated_force"}, lesson.metadata)
 
 
-def test_a_new_file_in_the_folder_is_found(own, monkeypatch, tmp_path):
-    from comanip import tasks
-
-    monkeypatch.setattr(tasks, "FOLDER", tmp_path)
-    assert list(tasks._shipped()) == ["over"]
+def test_a_new_file_in_the_folder_is_found(own, tmp_path):
+    assert list(parts._tasks(tmp_path, ("lift",))) == ["over"]
 
 
 @pytest.mark.parametrize("role", ROLES)
@@ -299,7 +295,6 @@ def test_what_cannot_be_run_or_found_is_said(tmp_path):
         named("dance")
     with pytest.raises(ParameterError, match=r"no\.toml: No such file"):
         named(tmp_path / "no.toml")
-    assert PLANTS
 
 
 def test_the_picture_of_all_twelve():

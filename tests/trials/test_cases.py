@@ -77,7 +77,7 @@ def test_numbers_fill_the_documented_ranges(role):
 
 
 def test_an_unknown_role_is_said_with_the_known_ones():
-    with pytest.raises(ParameterError, match="role 'boss' is unknown; roles are: leader, follower, auto"):
+    with pytest.raises(ParameterError, match="role 'boss' is unknown; there are: leader, follower, auto"):
         draw_case("boss", np.random.default_rng(0))
 
 

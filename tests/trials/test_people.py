@@ -198,10 +198,10 @@ def test_the_command_line_tries_a_law_with_kinds(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("trial", "--people", "ghosts"), "'ghosts' is neither a group (usual, tuning, judging, all) nor a kind: plain"),
+        (("trial", "--people", "ghosts"), "kind of person 'ghosts' is unknown; there are: plain"),
         (("trial", "--people", "sticks", "--role", "follower"), "none of them can be the partner of a robot as follower"),
         (("trial", "--people", "plain", "--partners-from", "x.py"), "--partners-from does not go with --people"),
-        (("people", "ghost"), "'ghost' is no kind of person"),
+        (("people", "ghost"), "kind of person 'ghost' is unknown; there are: plain"),
         (("people", "--plot", "x.png"), "--plot draws one kind"),
     ],
 )

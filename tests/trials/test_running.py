@@ -104,5 +104,5 @@ def test_what_cannot_be_asked_for_is_said(skills):
         contestant("active-passive", "leader", {"leader": skills["leader"]}, dt=DT)
     with pytest.raises(ParameterError, match="missing: follower"):
         contestant("default", "auto", {"leader": skills["leader"]}, dt=DT)
-    with pytest.raises(ParameterError, match="plant 'moon' is unknown; plants are: beam, humanoid"):
+    with pytest.raises(ParameterError, match="plant 'moon' is unknown; there are: beam, humanoid"):
         run_case(draw_case("leader", np.random.default_rng(0)), Deaf(), plant="moon")

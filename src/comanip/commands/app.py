@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from cyclopts import App, CycloptsError, Group, Parameter
 
-from .. import __version__
-from .flags import BackendFlags, DataFlags, LearnFlags
+from .. import __version__, parts
+from .flags import BackendFlags, DataFlags, LearnedLaw, LearnFlags
 
 app = App(
     name="comanip",
@@ -32,8 +32,12 @@ Overwrite = Annotated[
     bool, Parameter(negative="", help="Write over files that comanip did not make, and over inputs; both are refused otherwise.")
 ]
 Out = Annotated[Path, Parameter(name=["--out", "-o"])]
-Plant = Annotated[Literal["beam", "humanoid"], Parameter(help="beam: exact and fast; humanoid: in physics, needs mujoco.")]
-Law = Literal["default", "paper"]
+if TYPE_CHECKING:
+    PlantName: TypeAlias = str
+    DeviceName: TypeAlias = str
+else:  # what there is, from the tables
+    PlantName, DeviceName = Literal[tuple(parts.PLANTS)], Literal[tuple(parts.DEVICES)]
+Plant = Annotated[PlantName, Parameter(help="beam: exact and fast; humanoid: in physics, needs mujoco.")]
 
 
 def main() -> None:
@@ -121,13 +125,16 @@ def inspect(
     command.inspect(files, plot, data, overwrite, json)
 
 
-@app.command
-def convert(file: Path, out: Path, /, *, data: Data = DataFlags(), overwrite: Overwrite = False, json: Json = False) -> None:
-    """Rewrite recordings: comanip convert lift.csv lift.mcap --position z --force Fz --rate-hz 100
+_CONVERT = f"""Rewrite recordings: comanip convert lift.csv lift.mcap --position z --force Fz --rate-hz 100
 
-    FILE may be anything that is read, a folder too; OUT ends in .mcap, .csv, .parquet, .hdf5 or .lerobot
-    (the last two hold several recordings).
-    """
+FILE may be anything that is read, a folder too; OUT ends in {", ".join(parts.written_suffixes())}
+({", ".join(parts.holding_several())} hold several recordings).
+"""
+
+
+@app.command(help=_CONVERT)
+def convert(file: Path, out: Path, /, *, data: Data = DataFlags(), overwrite: Overwrite = False, json: Json = False) -> None:
+    """Rewrite recordings."""
     from . import learning as command
 
     command.convert(file, out, data, overwrite, json)
@@ -151,10 +158,10 @@ def recover(
 def teach(
     *,
     role: Annotated[Literal["leader", "follower", "natural"], Parameter(help="Of the robot; natural: nobody is told one.")],
-    task: Annotated[str, Parameter(help="Its name (comanip tasks lists them), or your own .toml.")] = "lift",
+    task: Annotated[str, Parameter(help=f"{', '.join(parts.TASKS)}; or your own .toml.")] = "lift",
     lessons: int = 5,
     dyad: Annotated[Literal["a", "b", "c"], Parameter(help="Which two people.")] = "a",
-    device: Annotated[Literal["ideal", "phantom"], Parameter(help="What the teacher holds.")] = "ideal",
+    device: Annotated[DeviceName, Parameter(help="What the teacher holds.")] = "ideal",
     delay_ms: Annotated[float, Parameter(help="Round trip between device and robot.")] = 0.0,
     passivity: Annotated[bool, Parameter(negative="", help="Take out the energy that delay makes.")] = False,
     seed: int = 0,
@@ -180,7 +187,7 @@ def reproduce(
         Literal["leader", "follower", "auto"] | None,
         Parameter(help="auto: the robot is told nothing; give skills of both roles."),
     ] = None,
-    law: Law | None = None,
+    law: LearnedLaw | None = None,
     plant: Plant = "beam",
     dt: Annotated[float, Parameter(help="Control period [s].")] = 0.01,
     force_from: Annotated[Path | None, Parameter(help="Replay the force of this recording instead of a partner.")] = None,
@@ -216,8 +223,7 @@ def trial(
         list[str],
         Parameter(
             name="--law",
-            help="default, paper, mass-damper, damping, variable-damping, minimum-jerk, without-lessons, rigid, homotopy, "
-            "active-passive; repeatable.",
+            help=f"{', '.join(parts.LAWS)}; repeatable.",
         ),
     ] = ["default"],
     task: Annotated[

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .. import kernels
-from ..shown import plain_text
+from ..evaluation.shown import plain_text
 from .ending import was_said
 from .flag_words import in_flags
 

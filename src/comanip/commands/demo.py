@@ -10,7 +10,8 @@ import numpy as np
 
 from ..evaluation import prediction
 from ..learned import file as skill_file
-from ..learned.skill import LearnedSkill, learn
+from ..learned.learn import learn
+from ..learned.skill import LearnedSkill
 from ..lessons.demonstration import Demonstration, demonstrations
 from ..loop import unbroken
 from ..recording import Recording

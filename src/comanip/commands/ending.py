@@ -30,7 +30,7 @@ def keeping(text: str) -> None:
 
 def ended_by(command: Callable[[], Any], wrong_usage: type[Exception]) -> int:
     """Runs a command to its end, says in one line why it ended if not well, and gives the exit code."""
-    from ..shown import never_fails
+    from ..evaluation.shown import never_fails
 
     for stream in (sys.stdout, sys.stderr):
         never_fails(stream)
@@ -84,7 +84,7 @@ def _defect(error: BaseException) -> int:
 
 
 def _say(text: str) -> None:
-    from ..shown import plain_text
+    from ..evaluation.shown import plain_text
 
     with suppress(OSError, ValueError):  # nobody listens any more
         print(" ".join(plain_text(text).split()), file=sys.stderr, flush=True)

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from ..parts import learned_laws
+
 _Columns = Annotated[str | None, Parameter()]
+if TYPE_CHECKING:
+    LearnedLaw = str
+else:
+    LearnedLaw = Literal[tuple(learned_laws())]
 
 
 @dataclass(frozen=True)
@@ -70,7 +76,7 @@ class LearnFlags:
     """How a skill is learned."""
 
     states: Annotated[str, Parameter(help="Number of states K; 'auto' chooses by cross-validation; default 10 (paper: 5).")] = ""
-    law: Annotated[Literal["default", "paper"], Parameter(help="The law that will run the skill.")] = "default"
+    law: Annotated[LearnedLaw, Parameter(help="The law that will run the skill.")] = "default"
     topology: Annotated[Literal["left-right", "cyclic", "free"], Parameter(help="Which transitions exist.")] = "left-right"
     restarts: Annotated[int, Parameter(help="Attempts from different first guesses; the most likely model wins.")] = 1
     seed: Annotated[int, Parameter(help="Of the random first guesses.")] = 0

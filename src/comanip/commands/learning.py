@@ -11,9 +11,11 @@ import numpy as np
 
 from ..errors import ParameterError, SkillFileError
 from ..learned import file as skill_file
-from ..learned.skill import LAWS, STATES, LearnedSkill
-from ..learned.skill import learn as learn_skill
+from ..learned.learn import learn as learn_skill
+from ..learned.learn import states_of
+from ..learned.skill import LearnedSkill
 from ..lessons.demonstration import Demonstration
+from ..parts import holding_several
 from .console import note, print_json, print_notes, progress, say, say_if_slow, stages, table
 from .flags import DataFlags, LearnFlags
 from .outputs import may_draw, may_write
@@ -221,7 +223,7 @@ def convert(file: Path, out: Path, data: DataFlags, overwrite: bool, json: bool)
     recordings = read_recordings([file], data)
     if data.resample_hz is not None:
         recordings = [regridded(recording, data.resample_hz) for recording in recordings]
-    several = len(recordings) > 1 and out.suffix.lower() not in HOLD_SEVERAL
+    several = len(recordings) > 1 and out.suffix.lower() not in holding_several()
     targets = [out.with_name(f"{out.stem}_{i + 1}{out.suffix}") for i in range(len(recordings))] if several else [out]
     may_write(targets, inputs=[file], overwrite=overwrite, flag="OUT")
     if several:
@@ -238,17 +240,12 @@ def convert(file: Path, out: Path, data: DataFlags, overwrite: bool, json: bool)
             say(f"{target}: {', '.join(recording.channels)}")
 
 
-HOLD_SEVERAL = (".hdf5", ".h5", ".lerobot")  # formats of which one file or folder holds many recordings
-
-
 def _options(lessons: Sequence[Demonstration], flags: LearnFlags, *, role: str | None) -> dict[str, Any]:
-    if flags.law not in LAWS:
-        raise ParameterError(f"law {flags.law!r} is unknown; there are: {', '.join(LAWS)}")
     states: int | None
     if flags.states == "auto":
         states = _choose_states(lessons, flags)
     elif flags.states in ("", "default"):
-        states = STATES[flags.law]
+        states = states_of(flags.law, None, {})
     else:
         try:
             states = int(flags.states)

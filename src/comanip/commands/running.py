@@ -19,15 +19,15 @@ from ..formats.background import writing
 from ..formats.live import LiveFile
 from ..interfaces import Array, Tap
 from ..learned import file as skill_file
+from ..learned.learn import learn as learn_skill
 from ..learned.skill import LearnedSkill
-from ..learned.skill import learn as learn_skill
 from ..lessons.demonstration import demonstrations
 from ..loop import SimulatedClock, WallClock, run, unbroken
 from ..plants.replay import ReplayPlant
 from ..recording import Recording
 from ..reproduction import make_auto, make_skill
 from ..tasks import Task, named
-from ..teaching import DYADS, PHANTOM, Coupling
+from ..teaching import DYADS, Coupling
 from ..teaching import teach as record_lessons
 from ..trials import draw_case, judge, run_case
 from ..trials.cases import TASK
@@ -66,7 +66,7 @@ def teach(
     if lessons < 1:
         raise ParameterError(f"--lessons must be at least 1; got {lessons}")
     network = Network(0.0005 * delay_ms, 0.0005 * delay_ms) if delay_ms else None
-    coupling = replace(PHANTOM if device == "phantom" else Coupling(), network=network, passivity=passivity)
+    coupling = Coupling.usual(device, network=network, passivity=passivity)
     files = [out / f"{role}_{n + 1}.mcap" for n in range(lessons)]
     may_fill(out, (file.name for file in files), overwrite=overwrite)
     out.mkdir(parents=True, exist_ok=True)
@@ -210,9 +210,12 @@ def _one_role_or_auto(skills: Mapping[Path, LearnedSkill], role: str | None) -> 
 
 
 def _lessons_start(learned: LearnedSkill, task: Task) -> Array | None:
-    """(d,) where the lessons started, of a task that goes one way along one axis: W is their range, half wider. None: unknown."""
+    """(d,) where the lessons started on average, of a task that goes one way along one axis. None: as the task says. A skill of
+    an older version knows its workspace alone, the lessons' range half wider."""
     if len(task.axes) > 1 or len(task.phases) > 1 or task.cycles:
         return None
+    if len(learned.starts):
+        return np.asarray(learned.starts.mean(axis=0))
     up = (task.phases[0].to or next(iter(task.goals.values())))[0] > 0.0
     return np.asarray(learned.workspace @ ([0.75, 0.25] if up else [0.25, 0.75]))
 

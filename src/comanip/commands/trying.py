@@ -13,8 +13,9 @@ import numpy as np
 from ..errors import ParameterError
 from ..learned import file as skill_file
 from ..learned.skill import LearnedSkill
-from ..tasks import TASKS, Task, named
-from ..trials import ABLATION, LAWS, Case, Verdict, draw_case, paired, partner_of, run_cases, success_interval
+from ..parts import LAWS, TASKS, known
+from ..tasks import Task, named
+from ..trials import ABLATION, Case, Verdict, draw_case, paired, partner_of, run_cases, success_interval
 from ..trials.cases import ROLES, TASK
 from ..trials.foreign import PartnersFrom, bounds_memory
 from ..trials.running import one_run
@@ -44,8 +45,8 @@ def trial(
     overwrite: bool,
     json: bool,
 ) -> None:
-    if unknown := sorted(set(laws) - set(LAWS)):
-        raise ParameterError(f"law {unknown[0]!r} is unknown; there are: {', '.join(LAWS)}")
+    for law in laws:
+        known("law", law, LAWS)
     if not 0.0 <= misbehaving <= 1.0:
         raise ParameterError(f"--misbehaving is a share of the partners, 0 to 1; got {misbehaving}")
     if partners < 1:
@@ -173,7 +174,7 @@ def skills_for(
                 "the --task that it was taught"
             )
         skills[learned.role] = learned
-    wanted = {"leader", "follower"} if "auto" in roles or "active-passive" in laws else set(roles)
+    wanted = {"leader", "follower"} if "auto" in roles or any(LAWS[law].both for law in laws) else set(roles)
     if files and (absent := sorted(wanted - set(skills))):
         note(f"no --skill as {' or '.join(absent)}: learned now from five simulated lessons a role")
     for role in sorted(wanted - set(skills)):

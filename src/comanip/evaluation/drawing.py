@@ -23,8 +23,8 @@ from ..models.gaussian import marginal
 from ..models.gmm import Gmm
 from ..models.hmm import Hmm
 from ..recording import Recording
-from ..shown import for_drawing
 from ..whole_file import write_whole
+from .shown import for_drawing
 
 SUFFIXES = (".png", ".svg", ".pdf")
 DPI = 160

@@ -17,7 +17,8 @@ from scipy.stats import chi2
 
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
-from ..learned.skill import LearnedSkill, learn
+from ..learned.learn import learn
+from ..learned.skill import LearnedSkill
 from ..lessons.demonstration import Demonstration
 from ..loop import run, unbroken
 from ..models.filtering import ForwardFilter

@@ -1,18 +1,17 @@
 """Files on disk: `read` gives the recordings of a file or folder, `write` stores one, `write_all` several.
 
 A format is recognised by its first bytes, then by its extension, a folder by what lies in it. Foreign columns are mapped with
-`Columns`. A new format costs its file and one line of `FORMATS`.
+`Columns`. A new format costs its file and one line of `parts.FORMATS`.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
 
 from ..errors import ParameterError, RecordingError, given
+from ..parts import FORMATS, Format
 from ..recording import Recording
 from .columns import Columns
 from .packed import packing, unpacked
@@ -20,54 +19,6 @@ from .packed import packing, unpacked
 __all__ = ["FORMATS", "Columns", "Format", "read", "recover", "write", "write_all"]
 
 
-class Format(NamedTuple):
-    """One kind of file or folder.
-
-    reads     "module:function" called as f(path, data, columns, recover) -> recordings; `data` is None unless `whole`
-    writes    "module:function" called as f(recordings, path); "" for what is only read
-    magic     first bytes of such files; "" in a suffix list is any file
-    suffixes  extensions, for files without such bytes, and for writing
-    marks     glob patterns of what lies in a folder of this format
-    limit_mb  the largest file that is read
-    whole     read as bytes by `read` (and unpacked, where it is packed), or opened by the reader
-    """
-
-    name: str
-    reads: str
-    writes: str = ""
-    magic: tuple[bytes, ...] = ()
-    suffixes: tuple[str, ...] = ()
-    marks: tuple[str, ...] = ()
-    limit_mb: int = 256
-    whole: bool = False
-
-    def reader(self) -> Any:
-        return _named(self.reads)
-
-    def writer(self) -> Any:
-        return _named(self.writes)
-
-
-def _named(text: str) -> Any:
-    module, _, name = text.partition(":")
-    return getattr(import_module(module if "." in module.lstrip(".") else f".{module}", __name__), name)
-
-
-# A file is read whole and takes several times its size meanwhile: the limits keep that near half a gigabyte.
-FORMATS: tuple[Format, ...] = (
-    Format("mcap", "mcap_file:open_mcap", "mcap_file:write_one", (b"\x89MCAP0\r\n",), (".mcap",), limit_mb=8192),
-    Format("bag", "rosbag2:open_folder", marks=("metadata.yaml",)),
-    Format("sqlite bag", "rosbag2:open_file", "", (b"SQLite format 3\0",), (".db3",), limit_mb=8192),
-    Format("numpy", "tables:open_numpy", "", (b"\x93NUMPY",), (".npz", ".npy"), whole=True),
-    Format("hdf5", "hdf5_file:open_hdf5", "hdf5_file:write_hdf5", (b"\x89HDF\r\n\x1a\n",), (".hdf5", ".h5")),
-    Format("matlab", "tables:open_mat", "", (b"MATLAB ",), (".mat",), whole=True),
-    Format("lerobot", "lerobot:open_folder", "lerobot:write_dataset", suffixes=(".lerobot",),
-           marks=("meta/info.json", "data/**/*.parquet")),
-    Format("parquet", "parquet_file:open_parquet", "parquet_file:write_parquet", (b"PAR1",), (".parquet", ".pq")),
-    Format("csv folder", "topic_folder:open_folder", marks=("*.csv", "*.CSV", "*.tsv", "*.csv.gz")),
-    Format("files", "tables:open_each", marks=("*.mcap", "*.db3", "*.parquet", "*.npz", "*.npy", "*.mat", "*.hdf5", "*.h5")),
-    Format("csv", "tables:open_text", "tables:write_text", (), (".csv", ""), limit_mb=48, whole=True),
-)  # fmt: skip
 _REFUSED = {
     b"#ROSBAG V": "a bag of ROS 1; convert it: pip install rosbags, then rosbags-convert --src X.bag --dst X",
     b"PK\x03\x04": "",
@@ -77,7 +28,7 @@ _APPLE_DOUBLE = b"\x00\x05\x16\x07"
 
 
 def read(path: str | Path, columns: Columns | None = None, *, recover: bool = False) -> tuple[Recording, ...]:
-    """Every recording in a file or folder of any of `FORMATS`: .mcap, .db3 and folders of bags, .csv and other text tables
+    """Every recording in a file or folder of any of `parts.FORMATS`: .mcap, .db3 and folders of bags, .csv and other text tables
     (packed, too), .npy, .npz, .mat, .hdf5, .parquet, LeRobot folders, folders of one CSV a topic.
 
     `columns` maps the columns of foreign files; on our own files it selects, renames and states what is missing.

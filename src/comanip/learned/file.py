@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 
 from ..errors import ComanipError, SkillFileError
-from ..models.gmm import Gmm
-from ..models.hmm import Hmm
 from ..models.taught_path import TaughtPath
+from ..parts import known, stored_models
 from ..whole_file import digest, write_whole
 from .skill import LearnedSkill
 
-FORMAT, VERSION = "comanip.skill", 2
+FORMAT, VERSION = "comanip.skill", 3
 _FIELDS_1 = frozenset("format version role law settings axes dt_s units workspace_m ends_m model clock provenance sha256".split())
-_FIELDS = {1: _FIELDS_1, 2: _FIELDS_1 | {"paths", "onsets_s"}}
+_FIELDS_2 = _FIELDS_1 | {"paths", "onsets_s"}
+_FIELDS = {1: _FIELDS_1, 2: _FIELDS_2, 3: _FIELDS_2 | {"starts_m"}}
 
 
 def save(learned: LearnedSkill, path: str | Path) -> None:
@@ -50,7 +50,6 @@ def load(path: str | Path) -> LearnedSkill:
 
 
 def to_json(learned: LearnedSkill) -> dict[str, Any]:
-    model, clock = learned.model, learned.clock
     content: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
@@ -73,23 +72,9 @@ def to_json(learned: LearnedSkill) -> dict[str, Any]:
             }
             for path in learned.paths
         ],
-        "model": {
-            "kind": "hmm",
-            "channels": list(model.channels),
-            "initial": model.initial.tolist(),
-            "transition": model.transition.tolist(),
-            "means": model.means.tolist(),
-            "covariances": model.covariances.tolist(),
-        },
-        "clock": None
-        if clock is None
-        else {
-            "kind": "gmm",
-            "channels": list(clock.channels),
-            "weights": clock.weights.tolist(),
-            "means": clock.means.tolist(),
-            "covariances": clock.covariances.tolist(),
-        },
+        "starts_m": learned.starts.tolist(),
+        "model": _model_to_json(learned.model),
+        "clock": None if learned.clock is None else _model_to_json(learned.clock),
         "provenance": json.loads(json.dumps(dict(learned.provenance))),
     }
     content["sha256"] = digest(content)
@@ -109,18 +94,10 @@ def from_json(content: Any) -> LearnedSkill:
         raise SkillFileError(f"unknown fields {stray}, missing fields {absent}")
     if content["sha256"] != digest(content):
         raise SkillFileError("the content does not match its sha256: it was damaged or edited by hand")
-    model, clock = content["model"], content["clock"]
+    clock = content["clock"]
     return LearnedSkill(
-        model=Hmm(
-            _array(model, "initial"),
-            _array(model, "transition"),
-            _array(model, "means"),
-            _array(model, "covariances"),
-            tuple(model["channels"]),
-        ),
-        clock=None
-        if clock is None
-        else Gmm(_array(clock, "weights"), _array(clock, "means"), _array(clock, "covariances"), tuple(clock["channels"])),
+        model=_model_from_json(content["model"]),
+        clock=None if clock is None else _model_from_json(clock),
         role=str(content["role"]),
         law=str(content["law"]),
         settings=content["settings"],
@@ -132,7 +109,28 @@ def from_json(content: Any) -> LearnedSkill:
         provenance=content["provenance"],
         paths=tuple(map(_path, content.get("paths", ()))),
         onsets_s=np.array(content.get("onsets_s", ()), dtype=float),
+        starts=np.array(content.get("starts_m", ()), dtype=float).reshape(-1, len(content["axes"])),
     )
+
+
+def _model_to_json(model: Any) -> dict[str, Any]:
+    """By the arrays that `parts.MODELS` states for its kind."""
+    at = f"{type(model).__module__}:{type(model).__qualname__}"
+    for kind, part in stored_models().items():
+        if part.at == at:
+            arrays = {name: getattr(model, name).tolist() for name in part.arrays}
+            return {"kind": kind, "channels": list(model.channels), **arrays}
+    stored = ", ".join(part.object for part in stored_models().values())
+    raise SkillFileError(f"a {type(model).__name__} cannot be stored; a skill file holds: {stored}")
+
+
+def _model_from_json(content: Mapping[str, Any]) -> Any:
+    part = known("model", content["kind"], stored_models())
+    stated, has = {"kind", "channels", *part.arrays}, set(content)
+    if stated != has:
+        raise SkillFileError(f"model: unknown fields {sorted(has - stated)}, missing fields {sorted(stated - has)}")
+    arrays = {name: _array(content, name) for name in part.arrays}
+    return part.load()(**arrays, channels=tuple(content["channels"]))
 
 
 def _path(part: Mapping[str, Any]) -> TaughtPath:

@@ -1,15 +1,14 @@
-"""A LearnedSkill from more lessons than memory holds: `learned.learn`, with every sum taken shard by shard."""
+"""A LearnedSkill from more lessons than memory holds: `learned.learn.learn`, with every sum taken shard by shard."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .. import __version__
-from ..errors import ChannelError, ParameterError
+from ..errors import ChannelError
 from ..fitting.baum_welch import Chain
 from ..fitting.hmm import weights_of
 from ..fitting.streaming import Progress, Read, Source, fit_stream
@@ -23,7 +22,8 @@ from ..models.moments import moments_about
 from ..models.taught_path import TaughtPath, taught_paths
 from ..parallel import each
 from ..recording import check_role
-from .skill import LAWS, STATES, LearnedSkill, goal_notes, stability_notes
+from .learn import NO_PATHS, assembled, in_order, states_of, workspace_around
+from .skill import LearnedSkill
 
 UNITS = {"position": "m", "force": "N", "velocity": "m/s"}
 
@@ -39,6 +39,7 @@ def learn_stream(
     n_states: int | None = None,
     topology: str = "left-right",
     covariance_floor: float = 1e-4,
+    settings: Mapping[str, Any] | None = None,
     n_jobs: int = 1,
     progress: Progress | None = None,
     check: bool = True,
@@ -52,8 +53,7 @@ def learn_stream(
               about 10 us a frame. False leaves that out
     """
     check_role(role)
-    if law not in LAWS:
-        raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
+    n_states = states_of(law, n_states, settings or {})
     axes = tuple(c.split(".")[1] for c in channels if c.startswith("position."))
     groups = list(dict.fromkeys(c.split(".")[0] for c in channels))
     if groups not in (["position", "force", "velocity"], ["position", "velocity"]):
@@ -64,39 +64,29 @@ def learn_stream(
         looked = each(check_file, ((read, p, dt, role) for p in paths), n_jobs=n_jobs)
         read, said = checked(read, paths, counted(looked, len(paths), progress), dt, role)
     fit = fit_stream(
-        shards, STATES[law] if n_states is None else n_states, channels=channels, read=read, topology=topology,
+        shards, n_states, channels=channels, read=read, topology=topology,
         covariance_floor=covariance_floor, n_jobs=n_jobs, progress=progress, **options,
     )  # fmt: skip
     source = Source(read, tuple(channels), fit.model.n_states + 1)
     found = [part for shard in each(_occupancies, ((p, source, fit.model) for p in paths), n_jobs=n_jobs) for part in shard]
-    occupancy, ends, low, high = (np.concatenate(column) for column in zip(*found, strict=True))
-    box = np.column_stack([low.min(axis=0), high.max(axis=0)])
-    room = np.maximum(0.5 * (box[:, 1:] - box[:, :1]), 1e-3)
-    ordered = topology == "left-right" and fit.model.n_states > 1
-    clock = _clock(paths, source, fit.model, np.median(occupancy, axis=0), dt, covariance_floor, n_jobs) if ordered else None
-    taught, onsets_s = _paths(paths, source, len(axes), dt) if ordered else ((), np.zeros(0))
-    return LearnedSkill(
-        model=fit.model,
-        clock=clock,
+    occupancy, starts, ends, low, high = (np.concatenate(column) for column in zip(*found, strict=True))
+    ordered, some = in_order(fit.model, topology), slice(None, None, max(1, len(ends) // MOST_ENDS))
+    return assembled(
+        fit,
+        law=law,
+        settings=settings or {},
         role=role,
         axes=axes,
         dt=dt,
-        workspace=box + room * [-1.0, 1.0],
-        ends=ends[:: max(1, len(ends) // MOST_ENDS)],
-        law=law,
+        topology=topology,
+        clock=_clock(paths, source, fit.model, np.median(occupancy, axis=0), dt, covariance_floor, n_jobs) if ordered else None,
+        taught=_paths(paths, source, len(axes), dt) if ordered else NO_PATHS,
+        starts=starts[some],
+        ends=ends[some],
+        workspace=workspace_around([low, high]),
         units={g: UNITS[g] for g in groups},
-        provenance={
-            "comanip": __version__,
-            "lessons": [{"name": Path(p).name, "source": p} for p in paths],
-            "notes": [*said, *fit.notes, *stability_notes(fit.model, law, role, {}), *goal_notes(taught, axes)],
-            "log_likelihood": [float(v) for v in fit.log_likelihood],
-            "converged": fit.converged,
-            "bic": fit.bic,
-            "n_frames": fit.n_frames,
-            "topology": topology,
-        },
-        paths=taught,
-        onsets_s=onsets_s,
+        lessons=[{"name": Path(p).name, "source": p} for p in paths],
+        notes=said,
     )
 
 
@@ -132,12 +122,13 @@ def _pieces(path: str, source: Source, model: Hmm) -> Any:
         yield lessons, np.split(lessons.z, cuts), np.split(weights_of(p, lessons), cuts)
 
 
-def _occupancies(path: str, source: Source, model: Hmm) -> list[tuple[Array, Array, Array, Array]]:
-    """Of each piece: frames in each state (S, K), ends (S, d), lowest and highest positions (1, d)."""
+def _occupancies(path: str, source: Source, model: Hmm) -> list[tuple[Array, ...]]:
+    """Of each piece: frames in each state (S, K), starts and ends (S, d), lowest and highest positions (1, d)."""
     d = sum(c.startswith("position.") for c in source.channels)
     return [
         (
             np.array([h.sum(axis=0) for h in weights]),
+            np.array([x[0, :d] for x in frames]),
             np.array([x[-1, :d] for x in frames]),
             lessons.z[:, :d].min(axis=0, keepdims=True),
             lessons.z[:, :d].max(axis=0, keepdims=True),

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..errors import ParameterError
 from ..interfaces import Partner
+from ..parts import known, unknown
 from . import habits as h
 from . import minds as m
 from . import plans
@@ -191,9 +192,7 @@ KINDS: dict[str, Kind] = {
 
 
 def kind_of(name: str) -> Kind:
-    if name not in KINDS:
-        raise ParameterError(f"people: {name!r} is no kind of person; there are: {', '.join(KINDS)}")
-    return KINDS[name]
+    return known("kind of person", name, KINDS)
 
 
 def names_of(people: str | Sequence[str]) -> tuple[str, ...]:
@@ -205,7 +204,7 @@ def names_of(people: str | Sequence[str]) -> tuple[str, ...]:
         elif one in KINDS:
             chosen.append(one)
         else:
-            raise ParameterError(f"people: {one!r} is neither a group ({', '.join(GROUPS)}) nor a kind: {', '.join(KINDS)}")
+            raise unknown("kind of person", one, KINDS, f"; or a group: {', '.join(GROUPS)}")
     return tuple(dict.fromkeys(chosen))
 
 

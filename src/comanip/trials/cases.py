@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import ParameterError
 from ..interfaces import STANDARD_GRAVITY, Array, Partner
+from ..parts import unknown
 from ..people.intent import Course
 from ..people.misbehaving import Blocks, LetsGo, Switches
 from ..people.partners import Arm, HumanFollower, HumanLeader, Unsteadiness, Yielding
@@ -211,7 +212,7 @@ def draw_case(role: str, rng: np.random.Generator, *, task: str | Path | Task = 
     misbehaving   share of partners who hesitate, reverse, block, let go or change role, each as often, at 0.3-0.7 of the motion
     """
     if role not in ROLES:
-        raise ParameterError(f"role {role!r} is unknown; roles are: {', '.join(ROLES)}")
+        raise unknown("role", role, ROLES)
     what = named(task)
     leads = role == "follower" or (role == "auto" and bool(rng.uniform() < 0.5))
     mass = what.carried.mass_kg * rng.uniform(0.7, 1.3)

@@ -1,4 +1,5 @@
-"""Who is tried: the laws of this package and the baselines of the field, by name, all within the same safety envelope.
+"""Who is tried: the laws of this package and the baselines of the field, by name (`parts.LAWS`), all within the same
+safety envelope.
 
 "without-lessons" is the default law with nothing learned but where and how long: told to follow, its compliance alone; told to
 lead, straight by minimum jerk between the lessons' ends in their time; told nothing, its evidence of roles frozen.
@@ -6,11 +7,12 @@ lead, straight by minimum jerk between the lessons' ends in their time; told not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from ..errors import ParameterError
 from ..interfaces import Skill
 from ..learned.skill import LearnedSkill
+from ..parts import LAWS, known
 from ..reproduction import enveloped, make_auto, make_skill, references_of
 from ..skills.baselines import ActivePassive, Homotopy, MassDamper, MinimumJerkFollower, RigidMinimumJerk, VariableDamping
 from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill, Watch
@@ -24,54 +26,48 @@ TUNED = {
 
 
 def contestant(law: str, role: str, learned: Mapping[str, LearnedSkill], *, dt: float, envelope: bool = True) -> Skill:
-    """The skill that `law` stands for, told `role` ("auto": told nothing). A baseline takes from the lessons only where they end.
+    """The skill that `law`, of `parts.LAWS`, stands for, told `role` ("auto": told nothing). A baseline takes from the lessons
+    only where they end.
 
-    Raises ParameterError for a law that is unknown, or that cannot do without being told its role.
+    Raises ParameterError for a law that is unknown, that cannot do without being told its role, or without skills of both roles.
     """
-    if law not in LAWS:
-        raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
-    return LAWS[law](role, learned, dt, envelope)
-
-
-def _own(law: str) -> Maker:
-    def make(role: str, learned: Mapping[str, LearnedSkill], dt: float, envelope: bool) -> Skill:
-        if role == "auto":
-            if law != "default":
-                raise ParameterError(f"law {law!r} has to be told its role; auto works with: default, {', '.join(_UNTOLD)}")
-            return make_auto(learned, axes=learned["leader"].axes, dt=dt, law=law, envelope=envelope)
+    part, axes = known("law", law, LAWS), any_of(learned).axes
+    if role == "auto" and not part.untold:
+        able = ", ".join(name for name, other in LAWS.items() if other.untold)
+        raise ParameterError(f"law {law!r} has to be told its role; auto works with: {able}")
+    if part.both and not {"leader", "follower"} <= set(learned):
+        raise ParameterError(f"law {law!r} needs skills of both roles; got: {', '.join(learned)}")
+    if part.states is not None and role == "auto":
+        return make_auto(learned, axes=axes, dt=dt, law=law, envelope=envelope)
+    if part.states is not None:
         one = learned[role]
         return make_skill(one, axes=one.axes, dt=dt, law=law, role=role, envelope=envelope)
-
-    return make
-
-
-def _baseline(make: Callable[[str, Mapping[str, LearnedSkill], float], Skill]) -> Maker:
-    def enclosed(role: str, learned: Mapping[str, LearnedSkill], dt: float, envelope: bool) -> Skill:
-        skill = make(role, learned, dt)
-        return enveloped(skill, axes=_any(learned).axes, dt=dt) if envelope else skill
-
-    return enclosed
+    skill: Skill = part.load()(role, learned, dt)
+    return enveloped(skill, axes=axes, dt=dt) if envelope else skill
 
 
-def _any(learned: Mapping[str, LearnedSkill]) -> LearnedSkill:
+def any_of(learned: Mapping[str, LearnedSkill]) -> LearnedSkill:
     return learned["leader"] if "leader" in learned else next(iter(learned.values()))
 
 
-def _mass_damper(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
-    return MassDamper(n_axes=len(_any(learned).axes), dt=dt, **TUNED)
+def mass_damper(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    """A mass and a damper of the best constants that were found."""
+    return MassDamper(n_axes=len(any_of(learned).axes), dt=dt, **TUNED)
 
 
-def _damping(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
-    return MassDamper(n_axes=len(_any(learned).axes), dt=dt, mass_kg=0.0, damping_ns_per_m=40.0)
+def damping(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    """A damper alone."""
+    return MassDamper(n_axes=len(any_of(learned).axes), dt=dt, mass_kg=0.0, damping_ns_per_m=40.0)
 
 
-def _variable_damping(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
-    return VariableDamping(n_axes=len(_any(learned).axes), dt=dt)
+def variable_damping(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    """A mass with damping that falls when the partner speeds up."""
+    return VariableDamping(n_axes=len(any_of(learned).axes), dt=dt)
 
 
 def _leading_by_minimum_jerk(learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
     """From the lessons' start to their mean end in their usual time, with the compliance of the default law's leader."""
-    one = _any(learned)
+    one = any_of(learned)
     return CollaborativeSkill(
         one.model,
         PhaseReference.minimum_jerk(references_of(one)[0]),
@@ -83,12 +79,11 @@ def _leading_by_minimum_jerk(learned: Mapping[str, LearnedSkill], dt: float) -> 
     )
 
 
-def _minimum_jerk(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
-    if role == "auto":
-        raise ParameterError(f"law 'minimum-jerk' has to be told its role; auto works with: default, {', '.join(_UNTOLD)}")
+def minimum_jerk(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    """Told to lead, straight between the lessons' ends; told to follow, with the partner's foreseen minimum jerk."""
     if role == "leader":
         return _leading_by_minimum_jerk(learned, dt)
-    return MinimumJerkFollower(n_axes=len(_any(learned).axes), dt=dt)
+    return MinimumJerkFollower(n_axes=len(any_of(learned).axes), dt=dt)
 
 
 def _straight(one: LearnedSkill) -> PhaseReference:
@@ -96,7 +91,7 @@ def _straight(one: LearnedSkill) -> PhaseReference:
     return PhaseReference.minimum_jerk(references_of(one)[0])
 
 
-def _without_lessons(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+def without_lessons(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
     """The default law with a straight minimum jerk for what was learned; told nothing it has the path, and no evidence."""
     if role == "follower":
         one = learned[role]
@@ -113,24 +108,26 @@ def _without_lessons(role: str, learned: Mapping[str, LearnedSkill], dt: float) 
     )
 
 
-def _rigid(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+def rigid(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
     """Goes its way whatever it is told and whatever it feels."""
-    return RigidMinimumJerk(_straight(_any(learned)), dt=dt)
+    return RigidMinimumJerk(_straight(any_of(learned)), dt=dt)
 
 
-def _homotopy(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
-    return Homotopy(_leading_by_minimum_jerk(learned, dt), _mass_damper(role, learned, dt), n_axes=len(_any(learned).axes), dt=dt)
+def homotopy(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    """Between leading by minimum jerk and the mass-damper, by what it feels."""
+    return Homotopy(
+        _leading_by_minimum_jerk(learned, dt), mass_damper(role, learned, dt), n_axes=len(any_of(learned).axes), dt=dt
+    )
 
 
-def _active_passive(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
-    if not {"leader", "follower"} <= set(learned):
-        raise ParameterError("law 'active-passive' needs skills of both roles: it compares their lessons")
+def active_passive(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
+    """As the densities of both roles' lessons tell, one of the two."""
     leader, follower = learned["leader"], learned["follower"]
     assert leader.clock is not None
     assert follower.clock is not None
     return ActivePassive(
         _leading_by_minimum_jerk(learned, dt),
-        _mass_damper(role, learned, dt),
+        mass_damper(role, learned, dt),
         passive=leader.clock,
         active=follower.clock,
         axis=leader.axes[0],
@@ -139,22 +136,8 @@ def _active_passive(role: str, learned: Mapping[str, LearnedSkill], dt: float) -
     )
 
 
-Maker = Callable[[str, Mapping[str, LearnedSkill], float, bool], Skill]
-_UNTOLD = ("without-lessons", "rigid", "mass-damper", "damping", "variable-damping", "homotopy", "active-passive")
 ABLATION = {  # role -> what the default law is compared with, the same law without lessons first
     "leader": ("without-lessons", "rigid", "minimum-jerk", "mass-damper", "variable-damping", "homotopy"),
     "follower": ("without-lessons", "minimum-jerk", "mass-damper", "variable-damping", "homotopy"),
     "auto": ("without-lessons", "mass-damper", "variable-damping", "homotopy"),
-}
-LAWS: dict[str, Maker] = {
-    "default": _own("default"),
-    "paper": _own("paper"),
-    "mass-damper": _baseline(_mass_damper),
-    "damping": _baseline(_damping),
-    "variable-damping": _baseline(_variable_damping),
-    "minimum-jerk": _baseline(_minimum_jerk),
-    "without-lessons": _baseline(_without_lessons),
-    "rigid": _baseline(_rigid),
-    "homotopy": _baseline(_homotopy),
-    "active-passive": _baseline(_active_passive),
 }

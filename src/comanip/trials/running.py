@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ParameterError
 from ..interaction import TaringInteractionForce
 from ..interfaces import Array, Partner, Plant, Skill, Tap
 from ..learned.skill import LearnedSkill
 from ..loop import Clock, run, unbroken
 from ..parallel import each
-from ..plants.beam import Beam, BeamPlant, WristSensor
+from ..parts import PLANTS, known
+from ..plants.beam import Beam, WristSensor
 from ..recording import Recording
 from ..tasks import named
 from .cases import TASK, Case, partner_of
@@ -27,7 +27,6 @@ START_M = float(named(TASK).start[0])  # of the hand in the usual task
 FELT_CUTOFF_HZ = 40.0
 MOST_OF_THE_RATE = 0.4  # a filter may not be faster than this share of the control rate
 EXPECTED_DELAY_S = 0.010  # of the force sensor behind the velocity: 0 to 20 ms in the draw, and the robot knows no better
-PLANTS = ("beam", "humanoid")
 PLAN_S = 0.05  # between two points of a plan that pictures show
 MakePartner = Callable[[Case, np.random.Generator], Partner]
 
@@ -46,7 +45,7 @@ def run_case(
 ) -> Recording:
     """The skill with this partner, from rest until some seconds after the partner means to stop (`Case.run_s`).
 
-    plant     "beam" (exact, fast) or "humanoid" (MuJoCo)
+    plant     of `parts.PLANTS`: "beam" (exact, fast), "humanoid" (MuJoCo) ...
     start_m   (d,) where the hand starts; default: where the case says
     partner   makes the person from the case; default: the human models of `people.partners`
     """
@@ -90,16 +89,11 @@ def _plan(case: Case) -> dict[str, Any]:
 
 def _plant(name: str, person: Partner, case: Case, dt: float, rng: np.random.Generator) -> Plant:
     sensor = WristSensor(case.force_noise_n, case.force_bias_n, case.sensor_delay_s)
-    about: dict[str, Any] = {"sensor": sensor, "axes": case.axes, "start_position": case.start_m, "dt": dt, "rng": rng}
-    what = case.task
-    if name == "beam":
-        beam = Beam(mass_kg=case.beam_mass_kg, length_m=what.carried.length_m)
-        return BeamPlant(person, beam=beam, axial=what.carried.along, gravity=what.gravity.tolist(), **about)
-    if name == "humanoid":
-        from ..plants.humanoid import HumanoidPlant
-
-        return HumanoidPlant(person, load_mass_kg=case.beam_mass_kg, length_m=what.carried.length_m, **about)
-    raise ParameterError(f"plant {name!r} is unknown; plants are: {', '.join(PLANTS)}")
+    beam = Beam(mass_kg=case.beam_mass_kg, length_m=case.task.carried.length_m)
+    made: Plant = known("plant", name, PLANTS).load()(
+        person, beam=beam, sensor=sensor, dt=dt, start_position=case.start_m, rng=rng, task=case.task
+    )
+    return made
 
 
 def run_cases(
@@ -118,7 +112,7 @@ def run_cases(
     Inside `comanip.backend("dask", ...)` the workers of that cluster do it.
 
     learned   skills by role; a case whose role is "auto" needs leader and follower
-    law       one of `contestants.LAWS`
+    law       one of `parts.LAWS`
     """
     verdicts: list[Verdict] = []
     work = [(case, learned, law, plant, dt, partner) for case in cases]

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ..evaluation.shown import for_html
 from ..recording import Recording
-from ..shown import for_html
 from ..trials import Case
 
 FRAME_S = 0.02
