@@ -5,7 +5,7 @@
  */
 
 typedef struct { /* CollaborativeLaw, in the order of its fields */
-    double mass, moving_damping, resting_damping, moving_speed, dead_zone, anticipation, anticipation_s, attraction, start_delay,
+    double mass, moving_damping, resting_damping, moving_speed, dead_zone, anticipation, anticipation_s, foresight, attraction, start_delay,
         comfortable, yield_gain, slowest_clock, patience, reach, max_acceleration, shake_hz, shake_n, shake_damping, shake_memory, shake_growth,
         lead_s;
 } Numbers;

@@ -30,6 +30,7 @@ from ..interfaces import Array, Command, Observation
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
 from ..signals.vectors import dot, length
+from .foresight import Foresight
 from .reference import PhaseReference
 from .whereabouts import Whereabouts
 
@@ -52,6 +53,7 @@ class CollaborativeLaw:
     dead_zone_n: float = 0.4  # at rest only
     anticipation: float = 0.3  # share of the foreseen acceleration that the follower adds by itself
     anticipation_s: float = 0.05
+    foresight: float = 0.8  # share of what the plans expect that the follower does by itself
     attraction_per_s: float = 4.0  # lambda, leader
     start_delay_s: float = 0.5  # leader: stands still this long before it starts
     comfortable_n: float = 0.5  # leader: resistance of the partner from which it slows its clock
@@ -292,6 +294,7 @@ class CollaborativeSkill:
         self._nothing, self._foreseen = np.zeros(d), np.zeros(d)
         self._nothing.setflags(write=False)
         self._compliance = Compliance(d, dt)
+        self._foresight = Foresight(dt, d)
         self._memory = memory(d)
         self._expected, self._velocity, self._position, *_ = self._memory[: 7 * d].reshape(7, d)
         self._phase, self._rate, *_ = self._memory[7 * d :].reshape(7, 1)
@@ -332,6 +335,7 @@ class CollaborativeSkill:
         self._memory[:] = 0.0
         self._position[:] = believable(obs.position)
         self._compliance.reset()
+        self._foresight.reset(self._position.tolist())
         entry_s = [r.entry(self._position, last_s) for r in self._pace.references]
         self._where.reset(self._position, goal, entry_s)
         self._pace.start(entry_s[goal], self._position, goal=goal, waits_s=self.law.start_delay_s)
@@ -344,8 +348,17 @@ class CollaborativeSkill:
 
     def step(self, obs: Observation, command: Command) -> None:
         tick = self._tick
-        if tick is None or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration):
+        if tick is None or self._foresees(obs) or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration):
             self._step(obs, command)
+
+    def _foresees(self, obs: Observation) -> bool:
+        """Whether the partner goes as foreseen."""
+        if self.role != "follower" or self._complies_only or self.law.foresight <= 0.0:
+            return False
+        if not (_finite(obs.position) and _finite(obs.force)):
+            return self._foresight.awake
+        velocity, force = self._compliance.velocity.tolist(), obs.force.tolist()
+        return self._foresight.hears(obs.position.tolist(), velocity, force, self.reference, self._where.phase)
 
     def _step(self, obs: Observation, command: Command) -> None:
         """The tick to read; the compiled one leaves it what is missing."""
@@ -378,6 +391,10 @@ class CollaborativeSkill:
         self._rate[0] = (s - float(self._phase[0])) / self._dt
         self._phase[0] = s
         speed = length(velocity)
+        if self._foresight.awake:
+            self._foresight.step(x.tolist(), velocity)
+            if self._foresight.awake:
+                return self._as_foreseen(force, velocity, speed)
         if speed < 0.02:
             return self._nothing
         now = reference.floats_at("velocity", s)
@@ -393,6 +410,16 @@ class CollaborativeSkill:
         agreement *= law.anticipation / max(length(foreseen), 1.0)  # of 1 m/s^2 at most
         for i, a in enumerate(foreseen):
             self._foreseen[i] = agreement * a
+        return self._foreseen
+
+    def _as_foreseen(self, force: Array, velocity: list[float], speed: float) -> Array:
+        """Acceleration (d,) that takes the hand along with the plans: theirs, and what damping would take from their speed."""
+        law, seen = self.law, self._foresight
+        along = dot(force.tolist(), seen.velocity) / max(length(seen.velocity), 1e-3)
+        share = law.foresight * seen.sure * min(max((along + 2.0) / 1.5, 0.0), 1.0)
+        damped = law.moving_damping_ns_per_m / law.virtual_mass_kg
+        for i, (a, v) in enumerate(zip(seen.acceleration, seen.velocity, strict=True)):
+            self._foreseen[i] = share * (a + damped * v)
         return self._foreseen
 
 
