@@ -335,8 +335,8 @@ class CollaborativeSkill:
         self._memory[:] = 0.0
         self._position[:] = believable(obs.position)
         self._compliance.reset()
-        self._foresight.reset(self._position.tolist())
         entry_s = [r.entry(self._position, last_s) for r in self._pace.references]
+        self._foresight.reset(self._position.tolist(), begins=entry_s[goal] <= 0.0)
         self._where.reset(self._position, goal, entry_s)
         self._pace.start(entry_s[goal], self._position, goal=goal, waits_s=self.law.start_delay_s)
         self._phase[0] = entry_s[goal]
@@ -373,7 +373,8 @@ class CollaborativeSkill:
             feedforward, reference = self._nothing, self._lead(x, force)
         else:
             feedforward, reference = self._anticipate(x, force), self._nothing
-        self._compliance.step(self.law, force - self._expected, reference, feedforward)
+        moves = self._foresight.pace if self._foresight.awake else reference
+        self._compliance.step(self.law, force - self._expected, moves, feedforward)
         command_velocity(self.law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
     def _lead(self, x: Array, force: Array) -> Array:

@@ -34,8 +34,13 @@ MEMORY_S = 0.10  # samples closer than this repeat each other
 NONE_SIGMAS = 2.0  # so far off is as likely under "none of these"
 NONE_FIRST, NONE_COMES_S = 0.10, 5.0  # its prior, and how fast a plan is given up without a reason
 GIVEN_UP = 0.95  # from here on nothing is foreseen any more
-FELT_S = 0.03  # smoothing of the force
+FELT_S = 0.015  # smoothing of the force
 BEGINS_M = 0.006  # so far is the hand wanted, along the path, when a motion has begun
+EASY = 0.05
+TRIES, FARTHER = 3, 2.5  # what was none of these may be the motion's beginning, badly guessed: asked again so much farther on
+RISES_S, FADES_S, RESTLESS = 0.5, 4.0, 2.5  # a partner who sways does not begin: so many times more than the rest wanders
+ALONG = 0.7  # share of it along the path
+AT_START = 0.02  # share of the duration
 RESTS_M_PER_S, RESTS_S = 0.015, 0.4
 MOST_PACE = 1.5  # of the taught top speed: nothing faster is foreseen
 
@@ -53,10 +58,11 @@ class Foresight:
         self._keep = exp(-dt / FELT_S)
         self._reference: PhaseReference | None = None
 
-    def reset(self, position: list[float]) -> None:
-        """Rests at `position` (d,)."""
+    def reset(self, position: list[float], *, begins: bool = True) -> None:
+        """Rests at `position` (d,); `begins`: where the path begins, too. Of motions from elsewhere nothing is foreseen."""
         self._start, self._felt = list(position), [0.0] * self._d
-        self._still_s, self._armed, self.awake, self.sure = 0.0, True, False, 0.0
+        self._still_s, self._tries, self._restless = 0.0, 0 if begins else TRIES, 0.0
+        self.awake, self.sure = False, 0.0
         self._nothing()
 
     def hears(self, x: list[float], v: list[float], force: list[float], reference: PhaseReference, phase_s: float) -> bool:
@@ -66,27 +72,25 @@ class Foresight:
         self._still_s = self._still_s + self._dt if length(v) < RESTS_M_PER_S else 0.0
         if self.awake:
             if self._still_s > RESTS_S:
-                self._fall_asleep()
-        elif phase_s > 0.05 * reference.duration_s and self._still_s < RESTS_S:
-            self._armed = False
-        elif self._armed:
+                self._give_up(TRIES)
+        elif self._tries < TRIES:
             self._wake(x, v, reference)
-        elif self._still_s > RESTS_S and phase_s <= 0.02 * reference.duration_s:
-            self._start, self._armed = list(x), True
+        elif self._still_s > RESTS_S and phase_s <= AT_START * reference.duration_s:
+            self._start, self._tries, self._restless = list(x), 0, 0.0
         return self.awake
 
     def _wake(self, x: list[float], v: list[float], reference: PhaseReference) -> None:
-        """At the first tick at which the hand is wanted some millimetres along the path."""
+        """At the first tick at which the hand is wanted farther along the path than this partner's rest wanders."""
         if self._reference is not reference:
             self._learn(reference)
         off = [p - s + f / STIFFNESS_N_PER_M for p, s, f in zip(x, self._start, self._felt, strict=True)]
-        along = dot(off, self._heading)
-        if along < BEGINS_M or dot(v, self._heading) <= 0.0 or along < 0.7 * length(off):
+        along, size = dot(off, self._heading), length(off)
+        self._restless += self._dt / (RISES_S if size > self._restless else FADES_S) * (size - self._restless)
+        least = max(BEGINS_M * FARTHER**self._tries, RESTLESS * self._restless if self._tries == 0 else 0.0)
+        if along < least or dot(v, self._heading) <= 0.0 or along < ALONG * size:
             return
-        # when each of the plans would be there
-        table = np.maximum.accumulate((reference.position - reference.position[0]) @ np.array(self._heading))
-        begun = np.interp(along / self._sizes, table, reference.step_s * np.arange(len(table)))
-        self._phase = begun + self._paces * self._late
+        begun = np.interp(along / self._sizes, self._way, reference.step_s * np.arange(len(self._way)))
+        self._phase = begun + self._paces * self._late  # when each of the plans would be there
         self._p = self._prior.copy()
         self._p_none, self.sure, self.awake = NONE_FIRST, 1.0 - NONE_FIRST, True
 
@@ -102,6 +106,11 @@ class Foresight:
         table[-1, self._d :] = 0.0
         self._table = table
         self._heading = reference.heading(0.0).tolist()
+        self._way = np.maximum.accumulate(table[:, : self._d] @ np.array(self._heading))
+
+    @property
+    def pace(self) -> Array:
+        return EASY * self.sure * np.array(self._heading)
 
     def step(self, x: list[float], v: list[float]) -> None:
         """One tick of the plans, while awake."""
@@ -127,7 +136,7 @@ class Foresight:
         total = float(self._p.sum())
         self.sure = total / (total + self._p_none)
         if self.sure < 1.0 - GIVEN_UP or total < 1e-290:
-            self._fall_asleep()
+            self._give_up(self._tries + 1)
             return
         scale = 1.0 / (total + self._p_none)
         self._p *= scale
@@ -136,8 +145,8 @@ class Foresight:
         self.velocity = (weights @ speed).tolist()
         self.acceleration = ((weights * fast * self._paces) @ acceleration).tolist()
 
-    def _fall_asleep(self) -> None:
-        self.awake, self._armed, self.sure = False, False, 0.0
+    def _give_up(self, tries: int) -> None:
+        self.awake, self._tries, self.sure = False, tries, 0.0
         self._nothing()
 
     def _nothing(self) -> None:
