@@ -98,10 +98,15 @@ class Compliance:
     def reset(self) -> None:
         self.memory[:] = 0.0
 
-    def step(self, law: CollaborativeLaw, excess: Array, reference: Array, feedforward: Array) -> None:
-        """Damping is implicit, so any value is stable by itself at any dt. Speed, dead zone and shaking are of vectors."""
+    def step(
+        self, law: CollaborativeLaw, excess: Array, reference: Array, feedforward: Array, departs_m_per_s: float = 0.0
+    ) -> None:
+        """Damping is implicit, so any value is stable by itself at any dt. Speed, dead zone and shaking are of vectors.
+
+        departs_m_per_s   a hand that rests yet counts as so fast: it is known that somebody sets out
+        """
         c, off = self.velocity.tolist(), excess.tolist()
-        speed = max(length(c), length(reference.tolist()))
+        speed = max(length(c), length(reference.tolist()), departs_m_per_s)
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest * rest * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
         damping += self._against_shaking(law, off)
@@ -373,8 +378,8 @@ class CollaborativeSkill:
             feedforward, reference = self._nothing, self._lead(x, force)
         else:
             feedforward, reference = self._anticipate(x, force), self._nothing
-        moves = self._foresight.pace if self._foresight.awake else reference
-        self._compliance.step(self.law, force - self._expected, moves, feedforward)
+        departs = self._foresight.departs * self.law.moving_speed_m_per_s
+        self._compliance.step(self.law, force - self._expected, reference, feedforward, departs)
         command_velocity(self.law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
     def _lead(self, x: Array, force: Array) -> Array:

@@ -36,9 +36,10 @@ NONE_FIRST, NONE_COMES_S = 0.10, 5.0  # its prior, and how fast a plan is given 
 GIVEN_UP = 0.95  # from here on nothing is foreseen any more
 FELT_S = 0.015  # smoothing of the force
 BEGINS_M = 0.006  # so far is the hand wanted, along the path, when a motion has begun
-EASY = 0.05
+DEPARTED = 0.6  # share of the duration from which a motion comes to its end
 TRIES, FARTHER = 3, 2.5  # what was none of these may be the motion's beginning, badly guessed: asked again so much farther on
 RISES_S, FADES_S, RESTLESS = 0.5, 4.0, 2.5  # a partner who sways does not begin: so many times more than the rest wanders
+MOST_BEGINS_M = 0.02
 ALONG = 0.7  # share of it along the path
 AT_START = 0.02  # share of the duration
 RESTS_M_PER_S, RESTS_S = 0.015, 0.4
@@ -50,11 +51,12 @@ class Foresight:
 
     velocity, acceleration   (d,) [m/s], [m/s^2] that the plans expect, mean over them; zero while nothing is foreseen
     sure                     in [0, 1]: that it is one of the plans
+    departs                  in [0, 1]: that it is one of them, and in its first part
     """
 
     def __init__(self, dt: float, n_axes: int) -> None:
         self._dt, self._d = dt, n_axes
-        self.velocity, self.acceleration = [0.0] * n_axes, [0.0] * n_axes
+        self.velocity, self.acceleration, self.departs = [0.0] * n_axes, [0.0] * n_axes, 0.0
         self._keep = exp(-dt / FELT_S)
         self._reference: PhaseReference | None = None
 
@@ -86,13 +88,14 @@ class Foresight:
         off = [p - s + f / STIFFNESS_N_PER_M for p, s, f in zip(x, self._start, self._felt, strict=True)]
         along, size = dot(off, self._heading), length(off)
         self._restless += self._dt / (RISES_S if size > self._restless else FADES_S) * (size - self._restless)
-        least = max(BEGINS_M * FARTHER**self._tries, RESTLESS * self._restless if self._tries == 0 else 0.0)
+        least = max(BEGINS_M * FARTHER**self._tries, min(RESTLESS * self._restless, MOST_BEGINS_M))
         if along < least or dot(v, self._heading) <= 0.0 or along < ALONG * size:
             return
         begun = np.interp(along / self._sizes, self._way, reference.step_s * np.arange(len(self._way)))
         self._phase = begun + self._paces * self._late  # when each of the plans would be there
         self._p = self._prior.copy()
         self._p_none, self.sure, self.awake = NONE_FIRST, 1.0 - NONE_FIRST, True
+        self.departs = self.sure
 
     def _learn(self, reference: PhaseReference) -> None:
         self._reference = reference
@@ -107,10 +110,6 @@ class Foresight:
         self._table = table
         self._heading = reference.heading(0.0).tolist()
         self._way = np.maximum.accumulate(table[:, : self._d] @ np.array(self._heading))
-
-    @property
-    def pace(self) -> Array:
-        return EASY * self.sure * np.array(self._heading)
 
     def step(self, x: list[float], v: list[float]) -> None:
         """One tick of the plans, while awake."""
@@ -142,6 +141,11 @@ class Foresight:
         self._p *= scale
         self._p_none *= scale
         weights = self._p / self._p.sum()
+        reached = reference.duration_s * DEPARTED
+        self.departs = self.sure * float(weights @ (self._phase < reached))
+        if float(weights @ (self._phase >= reference.duration_s)) > GIVEN_UP:
+            self._give_up(TRIES)
+            return
         self.velocity = (weights @ speed).tolist()
         self.acceleration = ((weights * fast * self._paces) @ acceleration).tolist()
 
@@ -150,4 +154,4 @@ class Foresight:
         self._nothing()
 
     def _nothing(self) -> None:
-        self.velocity, self.acceleration = [0.0] * self._d, [0.0] * self._d
+        self.velocity, self.acceleration, self.departs = [0.0] * self._d, [0.0] * self._d, 0.0
