@@ -31,15 +31,16 @@ STIFFNESS_N_PER_M, DAMPING_NS_PER_M = 300.0, 40.0  # K, B: half of the force is 
 PLACE_M, PLACE_SHARE = 0.006, 0.04  # doubt of z, and its share of the way gone
 SPEED_M_PER_S, SPEED_SHARE = 0.02, 0.10  # doubt of u, and its share of the speed
 MEMORY_S = 0.10  # samples closer than this repeat each other
-NONE_SIGMAS = 2.0  # so far off is as likely under "none of these"
+NONE_SIGMAS = 1.6  # so far off is as likely under "none of these"
 NONE_FIRST, NONE_COMES_S = 0.10, 5.0  # its prior, and how fast a plan is given up without a reason
-GIVEN_UP = 0.95  # from here on nothing is foreseen any more
+GIVEN_UP = 0.8  # from here on nothing is foreseen any more
 FELT_S = 0.015  # smoothing of the force
 BEGINS_M = 0.006  # so far is the hand wanted, along the path, when a motion has begun
-DEPARTED = 0.6  # share of the duration from which a motion comes to its end
+DEPARTED = 1.0  # share of the duration from which a motion comes to its end
 TRIES, FARTHER = 3, 2.5  # what was none of these may be the motion's beginning, badly guessed: asked again so much farther on
-RISES_S, FADES_S, RESTLESS = 0.5, 4.0, 2.5  # a partner who sways does not begin: so many times more than the rest wanders
+RISES_S, FADES_S, RESTLESS = 0.5, 4.0, 2.0  # a partner who sways does not begin: so many times more than the rest wanders
 MOST_BEGINS_M = 0.02
+FIRST_M = 0.0045  # that the rest of somebody unknown wanders
 ALONG = 0.7  # share of it along the path
 AT_START = 0.02  # share of the duration
 RESTS_M_PER_S, RESTS_S = 0.015, 0.4
@@ -63,7 +64,7 @@ class Foresight:
     def reset(self, position: list[float], *, begins: bool = True) -> None:
         """Rests at `position` (d,); `begins`: where the path begins, too. Of motions from elsewhere nothing is foreseen."""
         self._start, self._felt = list(position), [0.0] * self._d
-        self._still_s, self._tries, self._restless = 0.0, 0 if begins else TRIES, 0.0
+        self._still_s, self._tries, self._restless = 0.0, 0 if begins else TRIES, FIRST_M
         self.awake, self.sure = False, 0.0
         self._nothing()
 
@@ -78,7 +79,7 @@ class Foresight:
         elif self._tries < TRIES:
             self._wake(x, v, reference)
         elif self._still_s > RESTS_S and phase_s <= AT_START * reference.duration_s:
-            self._start, self._tries, self._restless = list(x), 0, 0.0
+            self._start, self._tries, self._restless = list(x), 0, FIRST_M
         return self.awake
 
     def _wake(self, x: list[float], v: list[float], reference: PhaseReference) -> None:
