@@ -46,14 +46,14 @@ SAID_M = 0.05  # an offset that is worth saying
 class CollaborativeLaw:
     """Numbers of the law. Defaults were chosen on partners drawn for tuning, never on those that results are reported on."""
 
-    virtual_mass_kg: float = 3.0
+    virtual_mass_kg: float = 3.7
     moving_damping_ns_per_m: float = 3.0
     resting_damping_ns_per_m: float = 80.0
     moving_speed_m_per_s: float = 0.05  # from here on the hand counts as fully in motion
     dead_zone_n: float = 0.4  # at rest only
     anticipation: float = 0.3  # share of the foreseen acceleration that the follower adds by itself
     anticipation_s: float = 0.05
-    foresight: float = 0.8  # share of what the plans expect that the follower does by itself
+    foresight: float = 0.6  # share of what the plans expect that the follower does by itself
     attraction_per_s: float = 4.0  # lambda, leader
     start_delay_s: float = 0.5  # leader: stands still this long before it starts
     comfortable_n: float = 0.5  # leader: resistance of the partner from which it slows its clock
