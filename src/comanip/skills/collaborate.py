@@ -63,8 +63,9 @@ class CollaborativeLaw:
     reach_m: float = 0.10  # starts farther than this from the taught path: comply only (a leader moves over from farther)
     max_acceleration_m_per_s2: float = 5.0
     shake_hz: float = 2.5  # faster than people move a load together: what oscillates above is instability or shaking
-    shake_n: float = 1.0  # amplitude from which it is damped
+    shake_n: float = 0.5  # amplitude from which it is damped
     shake_damping_ns_per_m_per_n: float = 20.0
+    shake_mass_kg_per_n: float = 10.0
     shake_memory_s: float = 3.0  # what goes on oscillating is damped more and more, and as slowly less
     shake_growth_per_s: float = 0.3
     lead_s: float = 0.02  # the robot's actuator lag, anticipated in the command
@@ -109,18 +110,20 @@ class Compliance:
         speed = max(length(c), length(reference.tolist()), departs_m_per_s)
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest * rest * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
-        damping += self._against_shaking(law, off)
+        shaking = self._shakes(law, off)
+        damping += law.shake_damping_ns_per_m_per_n * shaking
         size, dead = length(off), law.dead_zone_n * rest
         felt = 1.0 - dead / size if size > dead else 0.0  # of a size beyond all numbers, too
-        share = self._dt / law.virtual_mass_kg
+        share = self._dt / (law.virtual_mass_kg + law.shake_mass_kg_per_n * shaking)
         for i, (f, a) in enumerate(zip(off, feedforward.tolist(), strict=True)):
             self.velocity[i] = (c[i] + share * (f * felt) + self._dt * a) / (1.0 + share * damping)
 
-    def _against_shaking(self, law: CollaborativeLaw, excess: list[float]) -> float:
-        """Damping [N s/m] to add while force oscillates faster than people lift together.
+    def _shakes(self, law: CollaborativeLaw, excess: list[float]) -> float:
+        """Amplitude [N], beyond what is usual, of a force that oscillates faster than people lift together; grows as it goes on.
 
         Around a partner of stiffness K and damping B, a delay tau takes tau K from the loop's damping, whatever the virtual mass:
-        stable if B + D > tau K. So a stiff partner needs D, and only such a partner.
+        stable if B + D > tau K. So a stiff partner needs D, and only such a partner. A stiff grip turns faster than D can
+        hold: there the virtual mass has to be more.
         """
         keep = 1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)
         slow = [slow + keep * (f - slow) for f, slow in zip(excess, self._slow.tolist(), strict=True)]
@@ -130,7 +133,7 @@ class Compliance:
         amplitude = max(1.57 * shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
         went_on += self._dt * (law.shake_growth_per_s * amplitude - went_on / law.shake_memory_s)
         self._slow[:], self._shaking[:] = slow, (shake, went_on)
-        return law.shake_damping_ns_per_m_per_n * (amplitude + went_on)
+        return amplitude + went_on
 
 
 PHASE_S, RATE, RESISTANCE, WAITS_S, FADED, FADING_S, LED_S, EASING_S, GOAL = range(9)  # Pace.clock
@@ -352,8 +355,8 @@ class CollaborativeSkill:
             self._tick = getattr(self._compiled, how)
 
     def step(self, obs: Observation, command: Command) -> None:
-        tick = self._tick
-        if tick is None or self._foresees(obs) or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration):
+        foresees, tick = self._foresees(obs), self._tick
+        if foresees or tick is None or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration):
             self._step(obs, command)
 
     def _foresees(self, obs: Observation) -> bool:
