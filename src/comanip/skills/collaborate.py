@@ -67,7 +67,7 @@ class CollaborativeLaw:
     shake_damping_ns_per_m_per_n: float = 20.0
     shake_mass_kg_per_n: float = 10.0
     shake_memory_s: float = 3.0  # what goes on oscillating is damped more and more, and as slowly less
-    shake_growth_per_s: float = 0.3
+    shake_growth_per_s: float = 0.6
     lead_s: float = 0.02  # the robot's actuator lag, anticipated in the command
 
     @staticmethod
