@@ -22,7 +22,16 @@ from .interfaces import STANDARD_GRAVITY, Array, Observation
 from .signals.filters import Lowpass
 
 MOST_GAP_S = 0.05  # between two samples of a slow sensor
+# a low-pass is late by 0.225 / cutoff: by 15 ms at 15 Hz, and with an arm of 1 kg or more on its grip the loop then shakes at
+# 6-8 Hz; by 6 ms at 40 Hz
+CUTOFF_HZ = 40.0
+MOST_OF_THE_RATE = 0.4  # a filter may not be faster than this share of the rate
 MAX_FORCE = 1e6  # [N] beyond any sensor of a hand: treated as missing, so that one wild sample cannot ring for seconds
+
+
+def felt_cutoff_hz(dt: float) -> float:
+    """Low-pass of the force estimate [Hz] of a loop of period `dt` [s], unless another is asked for."""
+    return min(CUTOFF_HZ, MOST_OF_THE_RATE / dt)
 
 
 def gravity_along(axes: Sequence[str]) -> Array:
@@ -138,8 +147,9 @@ class CausalInteractionForce:
     """Eq. (3) tick by tick: the causal twin of what `demonstration` does with a recording.
 
     Fills `obs.force` from `obs.sensor_force` and `obs.velocity`. The sum F_s + s m (a - g) is filtered, so F_s and a
-    pass the SAME low-pass. a is a backward difference, half a tick late; F_s is matched to it (mean of two ticks),
-    or, where the sensor itself is later than that (`force_delay_s`), a waits for F_s.
+    pass the SAME low-pass, of `felt_cutoff_hz` where none is given. a is a backward difference, half a tick late; F_s is
+    matched to it (mean of two ticks), or, where the sensor itself is later than that (`force_delay_s`), a waits for F_s. A
+    sensor that averages over a tick, as anti-aliased ones do, is half a tick later than its own delay.
 
     A tick whose input is missing (NaN, infinite, beyond 1e6 N) gives NaN and leaves the filter as it was; the next good
     tick differentiates over the hole. Of a sensor slower than the ticks, which gives NaN between its samples, the last one
@@ -154,12 +164,13 @@ class CausalInteractionForce:
         gravity: Sequence[float],
         load_share: float = 0.5,
         bias: Sequence[float] = (),
-        cutoff_hz: float = 10.0,
+        cutoff_hz: float | None = None,
         force_delay_s: float = 0.0,
         sensor_period_s: float = 0.0,
     ) -> None:
         """`gravity`, `bias`: (d,) [m/s^2], [N]; `force_delay_s`: how much later F_s comes than the velocity [s].
 
+        cutoff_hz         of the low-pass; None: 40 Hz, or 0.4 of the rate where that is less
         sensor_period_s   of a force sensor slower than `dt` [s]; 0: a sample each tick
         """
         if not (dt > 0.0 and mass_kg >= 0.0 and 0.0 <= load_share <= 1.0 and force_delay_s >= 0.0 and sensor_period_s >= 0.0):
@@ -177,7 +188,7 @@ class CausalInteractionForce:
         self._average = force_delay_s < 0.5 * dt
         wait = (force_delay_s if self._average else force_delay_s - 0.5 * dt) / dt  # [ticks]
         self._late, self._blend = int(wait), wait - int(wait)
-        self._filters = [Lowpass(cutoff_hz, dt) for _ in gravity]
+        self._filters = [Lowpass(felt_cutoff_hz(dt) if cutoff_hz is None else cutoff_hz, dt) for _ in gravity]
         self.reset()
 
     def reset(self) -> None:

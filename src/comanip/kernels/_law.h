@@ -5,8 +5,8 @@
  */
 
 typedef struct { /* CollaborativeLaw, in the order of its fields */
-    double mass, moving_damping, resting_damping, moving_speed, dead_zone, anticipation, anticipation_s, attraction, start_delay,
-        comfortable, yield_gain, slowest_clock, patience, reach, max_acceleration, shake_hz, shake_n, shake_damping, shake_memory, shake_growth,
+    double mass, moving_damping, resting_damping, moving_speed, dead_zone, anticipation, anticipation_s, foresight, attraction, start_delay,
+        comfortable, yield_gain, slowest_clock, patience, reach, max_acceleration, shake_hz, shake_n, shake_damping, shake_mass, shake_memory, shake_growth,
         lead_s;
 } Numbers;
 
@@ -268,8 +268,9 @@ static void comply(Law *l, const Numbers *law, const double *excess, const doubl
     *l->shake += l->keep_shake * (fast - *l->shake);
     const double amplitude = most(1.57 * *l->shake - law->shake_n, 0.0);
     *l->went_on += l->dt * (law->shake_growth * amplitude - *l->went_on / law->shake_memory);
-    damping += law->shake_damping * (amplitude + *l->went_on);
-    const double dead = law->dead_zone * rest, share = l->dt / law->mass, size = length(excess, d);
+    const double shaking = amplitude + *l->went_on;
+    damping += law->shake_damping * shaking;
+    const double dead = law->dead_zone * rest, share = l->dt / (law->mass + law->shake_mass * shaking), size = length(excess, d);
     const double felt = size > dead ? 1.0 - dead / size : 0.0;
     for (int i = 0; i < d; i++)
         l->compliance[i] = (l->compliance[i] + share * (excess[i] * felt) + l->dt * feedforward[i]) / (1.0 + share * damping);

@@ -30,6 +30,7 @@ from ..interfaces import Array, Command, Observation
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
 from ..signals.vectors import dot, length
+from .foresight import Foresight
 from .reference import PhaseReference
 from .whereabouts import Whereabouts
 
@@ -45,13 +46,14 @@ SAID_M = 0.05  # an offset that is worth saying
 class CollaborativeLaw:
     """Numbers of the law. Defaults were chosen on partners drawn for tuning, never on those that results are reported on."""
 
-    virtual_mass_kg: float = 3.0
+    virtual_mass_kg: float = 3.7
     moving_damping_ns_per_m: float = 3.0
     resting_damping_ns_per_m: float = 80.0
     moving_speed_m_per_s: float = 0.05  # from here on the hand counts as fully in motion
     dead_zone_n: float = 0.4  # at rest only
     anticipation: float = 0.3  # share of the foreseen acceleration that the follower adds by itself
     anticipation_s: float = 0.05
+    foresight: float = 0.6  # share of what the plans expect that the follower does by itself
     attraction_per_s: float = 4.0  # lambda, leader
     start_delay_s: float = 0.5  # leader: stands still this long before it starts
     comfortable_n: float = 0.5  # leader: resistance of the partner from which it slows its clock
@@ -61,10 +63,11 @@ class CollaborativeLaw:
     reach_m: float = 0.10  # starts farther than this from the taught path: comply only (a leader moves over from farther)
     max_acceleration_m_per_s2: float = 5.0
     shake_hz: float = 2.5  # faster than people move a load together: what oscillates above is instability or shaking
-    shake_n: float = 1.0  # amplitude from which it is damped
+    shake_n: float = 0.5  # amplitude from which it is damped
     shake_damping_ns_per_m_per_n: float = 20.0
+    shake_mass_kg_per_n: float = 10.0
     shake_memory_s: float = 3.0  # what goes on oscillating is damped more and more, and as slowly less
-    shake_growth_per_s: float = 0.3
+    shake_growth_per_s: float = 0.6
     lead_s: float = 0.02  # the robot's actuator lag, anticipated in the command
 
     @staticmethod
@@ -96,24 +99,31 @@ class Compliance:
     def reset(self) -> None:
         self.memory[:] = 0.0
 
-    def step(self, law: CollaborativeLaw, excess: Array, reference: Array, feedforward: Array) -> None:
-        """Damping is implicit, so any value is stable by itself at any dt. Speed, dead zone and shaking are of vectors."""
+    def step(
+        self, law: CollaborativeLaw, excess: Array, reference: Array, feedforward: Array, departs_m_per_s: float = 0.0
+    ) -> None:
+        """Damping is implicit, so any value is stable by itself at any dt. Speed, dead zone and shaking are of vectors.
+
+        departs_m_per_s   a hand that rests yet counts as so fast: it is known that somebody sets out
+        """
         c, off = self.velocity.tolist(), excess.tolist()
-        speed = max(length(c), length(reference.tolist()))
+        speed = max(length(c), length(reference.tolist()), departs_m_per_s)
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest * rest * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
-        damping += self._against_shaking(law, off)
+        shaking = self._shakes(law, off)
+        damping += law.shake_damping_ns_per_m_per_n * shaking
         size, dead = length(off), law.dead_zone_n * rest
         felt = 1.0 - dead / size if size > dead else 0.0  # of a size beyond all numbers, too
-        share = self._dt / law.virtual_mass_kg
+        share = self._dt / (law.virtual_mass_kg + law.shake_mass_kg_per_n * shaking)
         for i, (f, a) in enumerate(zip(off, feedforward.tolist(), strict=True)):
             self.velocity[i] = (c[i] + share * (f * felt) + self._dt * a) / (1.0 + share * damping)
 
-    def _against_shaking(self, law: CollaborativeLaw, excess: list[float]) -> float:
-        """Damping [N s/m] to add while force oscillates faster than people lift together.
+    def _shakes(self, law: CollaborativeLaw, excess: list[float]) -> float:
+        """Amplitude [N], beyond what is usual, of a force that oscillates faster than people lift together; grows as it goes on.
 
         Around a partner of stiffness K and damping B, a delay tau takes tau K from the loop's damping, whatever the virtual mass:
-        stable if B + D > tau K. So a stiff partner needs D, and only such a partner.
+        stable if B + D > tau K. So a stiff partner needs D, and only such a partner. A stiff grip turns faster than D can
+        hold: there the virtual mass has to be more.
         """
         keep = 1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)
         slow = [slow + keep * (f - slow) for f, slow in zip(excess, self._slow.tolist(), strict=True)]
@@ -123,7 +133,7 @@ class Compliance:
         amplitude = max(1.57 * shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
         went_on += self._dt * (law.shake_growth_per_s * amplitude - went_on / law.shake_memory_s)
         self._slow[:], self._shaking[:] = slow, (shake, went_on)
-        return law.shake_damping_ns_per_m_per_n * (amplitude + went_on)
+        return amplitude + went_on
 
 
 PHASE_S, RATE, RESISTANCE, WAITS_S, FADED, FADING_S, LED_S, EASING_S, GOAL = range(9)  # Pace.clock
@@ -292,6 +302,7 @@ class CollaborativeSkill:
         self._nothing, self._foreseen = np.zeros(d), np.zeros(d)
         self._nothing.setflags(write=False)
         self._compliance = Compliance(d, dt)
+        self._foresight = Foresight(dt, d)
         self._memory = memory(d)
         self._expected, self._velocity, self._position, *_ = self._memory[: 7 * d].reshape(7, d)
         self._phase, self._rate, *_ = self._memory[7 * d :].reshape(7, 1)
@@ -333,6 +344,7 @@ class CollaborativeSkill:
         self._position[:] = believable(obs.position)
         self._compliance.reset()
         entry_s = [r.entry(self._position, last_s) for r in self._pace.references]
+        self._foresight.reset(self._position.tolist(), begins=entry_s[goal] <= 0.0)
         self._where.reset(self._position, goal, entry_s)
         self._pace.start(entry_s[goal], self._position, goal=goal, waits_s=self.law.start_delay_s)
         self._phase[0] = entry_s[goal]
@@ -343,9 +355,18 @@ class CollaborativeSkill:
             self._tick = getattr(self._compiled, how)
 
     def step(self, obs: Observation, command: Command) -> None:
-        tick = self._tick
-        if tick is None or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration):
+        foresees, tick = self._foresees(obs), self._tick
+        if foresees or tick is None or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration):
             self._step(obs, command)
+
+    def _foresees(self, obs: Observation) -> bool:
+        """Whether the partner goes as foreseen."""
+        if self.role != "follower" or self._complies_only or self.law.foresight <= 0.0:
+            return False
+        if not (_finite(obs.position) and _finite(obs.force)):
+            return self._foresight.awake
+        velocity, force = self._compliance.velocity.tolist(), obs.force.tolist()
+        return self._foresight.hears(obs.position.tolist(), velocity, force, self.reference, self._where.phase)
 
     def _step(self, obs: Observation, command: Command) -> None:
         """The tick to read; the compiled one leaves it what is missing."""
@@ -360,7 +381,8 @@ class CollaborativeSkill:
             feedforward, reference = self._nothing, self._lead(x, force)
         else:
             feedforward, reference = self._anticipate(x, force), self._nothing
-        self._compliance.step(self.law, force - self._expected, reference, feedforward)
+        departs = self._foresight.departs * self.law.moving_speed_m_per_s
+        self._compliance.step(self.law, force - self._expected, reference, feedforward, departs)
         command_velocity(self.law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
     def _lead(self, x: Array, force: Array) -> Array:
@@ -378,6 +400,10 @@ class CollaborativeSkill:
         self._rate[0] = (s - float(self._phase[0])) / self._dt
         self._phase[0] = s
         speed = length(velocity)
+        if self._foresight.awake:
+            self._foresight.step(x.tolist(), velocity)
+            if self._foresight.awake:
+                return self._as_foreseen(force, velocity, speed)
         if speed < 0.02:
             return self._nothing
         now = reference.floats_at("velocity", s)
@@ -393,6 +419,16 @@ class CollaborativeSkill:
         agreement *= law.anticipation / max(length(foreseen), 1.0)  # of 1 m/s^2 at most
         for i, a in enumerate(foreseen):
             self._foreseen[i] = agreement * a
+        return self._foreseen
+
+    def _as_foreseen(self, force: Array, velocity: list[float], speed: float) -> Array:
+        """Acceleration (d,) that takes the hand along with the plans: theirs, and what damping would take from their speed."""
+        law, seen = self.law, self._foresight
+        along = dot(force.tolist(), seen.velocity) / max(length(seen.velocity), 1e-3)
+        share = law.foresight * seen.sure * min(max((along + 2.0) / 1.5, 0.0), 1.0)
+        damped = law.moving_damping_ns_per_m / law.virtual_mass_kg
+        for i, (a, v) in enumerate(zip(seen.acceleration, seen.velocity, strict=True)):
+            self._foreseen[i] = share * (a + damped * v)
         return self._foreseen
 
 

@@ -22,10 +22,6 @@ from .foreign import stated_by
 from .judging import Verdict, judge
 
 START_M = float(named(TASK).start[0])  # of the hand in the usual task
-# of the robot's force estimate. A low-pass is late by 0.225 / cutoff: by 15 ms at 15 Hz, and with an arm of 1 kg or more on its
-# grip the loop then shakes at 6-8 Hz; by 6 ms at 40 Hz
-FELT_CUTOFF_HZ = 40.0
-MOST_OF_THE_RATE = 0.4  # a filter may not be faster than this share of the control rate
 EXPECTED_DELAY_S = 0.010  # of the force sensor behind the velocity: 0 to 20 ms in the draw, and the robot knows no better
 PLAN_S = 0.05  # between two points of a plan that pictures show
 MakePartner = Callable[[Case, np.random.Generator], Partner]
@@ -75,8 +71,7 @@ def estimator_for(case: Case, dt: float) -> TaringInteractionForce:
         gravity=case.task.gravity.tolist(),
         mass_kg=case.task.carried.mass_kg,
         load_share=case.task.carried.share,
-        cutoff_hz=min(FELT_CUTOFF_HZ, MOST_OF_THE_RATE / dt),
-        force_delay_s=EXPECTED_DELAY_S,
+        force_delay_s=EXPECTED_DELAY_S + 0.5 * dt,  # the sensors of these plants average over a tick
     )
 
 
