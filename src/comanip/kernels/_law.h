@@ -6,8 +6,8 @@
 
 typedef struct { /* CollaborativeLaw, in the order of its fields */
     double mass, moving_damping, resting_damping, moving_speed, dead_zone, anticipation, anticipation_s, foresight, attraction, start_delay,
-        comfortable, yield_gain, slowest_clock, patience, reach, max_acceleration, shake_hz, shake_n, shake_damping, shake_mass, shake_memory, shake_growth,
-        lead_s;
+        comfortable, yield_gain, slowest_clock, patience, reach, max_acceleration, shake_hz, shake_n, shake_damping, shake_memory, shake_growth,
+        grip_hz, grip_n, grip_mass, lead_s;
 } Numbers;
 
 typedef struct { /* of RolePolicy: roles.SHARED */
@@ -46,7 +46,7 @@ typedef struct {
     Bank bank;
     Table *tables;
     Where where;
-    double *compliance, *slow, *shake, *went_on;  /* Compliance.memory */
+    double *compliance, *slow, *slower, *shake, *went_on, *turn, *turned;  /* Compliance.memory */
     double *expected, *wanted, *offset, *clock;   /* Pace.memory */
     double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock, *rest_s, *moved, *against_s,
         *held_s, *told;                           /* of the skill */
@@ -254,23 +254,30 @@ static void anticipate(Law *l, const double *x, const double *force, double *for
     for (int i = 0; i < d; i++) foreseen[i] = agreement * foreseen[i];
 }
 
+/* collaborate._beyond */
+static void beyond(const double *values, double *slow, double keep, int d, double *fast) {
+    for (int i = 0; i < d; i++) {
+        slow[i] += keep * (values[i] - slow[i]);
+        fast[i] = values[i] - slow[i];
+    }
+}
+
 /* Compliance.step */
 static void comply(Law *l, const Numbers *law, const double *excess, const double *reference, const double *feedforward) {
     const int d = l->d;
-    const double keep_slow = 1.0 - exp(-2.0 * PI * law->shake_hz * l->dt);
+    const double keep_slow = 1.0 - exp(-2.0 * PI * law->shake_hz * l->dt), keep_slower = 1.0 - exp(-2.0 * PI * law->grip_hz * l->dt);
     const double speed = most(length(l->compliance, d), length(reference, d)), rest = 1.0 - least(speed / law->moving_speed, 1.0);
-    double damping = law->moving_damping + rest * rest * (law->resting_damping - law->moving_damping), apart[MOST_AXES];
-    for (int i = 0; i < d; i++) {
-        l->slow[i] += keep_slow * (excess[i] - l->slow[i]);
-        apart[i] = excess[i] - l->slow[i];
-    }
-    const double fast = least(length(apart, d), ABSURD);
-    *l->shake += l->keep_shake * (fast - *l->shake);
-    const double amplitude = most(1.57 * *l->shake - law->shake_n, 0.0);
+    double damping = law->moving_damping + rest * rest * (law->resting_damping - law->moving_damping);
+    double fast[MOST_AXES], faster[MOST_AXES];
+    beyond(excess, l->slow, keep_slow, d, fast);
+    beyond(fast, l->slower, keep_slower, d, faster);
+    *l->shake += l->keep_shake * (least(length(fast, d), ABSURD) - *l->shake);
+    *l->turn += l->keep_shake * (least(length(faster, d), ABSURD) - *l->turn);
+    const double amplitude = most(1.57 * *l->shake - law->shake_n, 0.0), turns = most(1.57 * *l->turn - law->grip_n, 0.0);
     *l->went_on += l->dt * (law->shake_growth * amplitude - *l->went_on / law->shake_memory);
-    const double shaking = amplitude + *l->went_on;
-    damping += law->shake_damping * shaking;
-    const double dead = law->dead_zone * rest, share = l->dt / (law->mass + law->shake_mass * shaking), size = length(excess, d);
+    *l->turned += l->dt * (law->shake_growth * turns - *l->turned / law->shake_memory);
+    damping += law->shake_damping * (amplitude + *l->went_on);
+    const double dead = law->dead_zone * rest, share = l->dt / (law->mass + law->grip_mass * (turns + *l->turned)), size = length(excess, d);
     const double felt = size > dead ? 1.0 - dead / size : 0.0;
     for (int i = 0; i < d; i++)
         l->compliance[i] = (l->compliance[i] + share * (excess[i] * felt) + l->dt * feedforward[i]) / (1.0 + share * damping);

@@ -46,7 +46,7 @@ SAID_M = 0.05  # an offset that is worth saying
 class CollaborativeLaw:
     """Numbers of the law. Defaults were chosen on partners drawn for tuning, never on those that results are reported on."""
 
-    virtual_mass_kg: float = 3.7
+    virtual_mass_kg: float = 3.3
     moving_damping_ns_per_m: float = 3.0
     resting_damping_ns_per_m: float = 80.0
     moving_speed_m_per_s: float = 0.05  # from here on the hand counts as fully in motion
@@ -63,11 +63,13 @@ class CollaborativeLaw:
     reach_m: float = 0.10  # starts farther than this from the taught path: comply only (a leader moves over from farther)
     max_acceleration_m_per_s2: float = 5.0
     shake_hz: float = 2.5  # faster than people move a load together: what oscillates above is instability or shaking
-    shake_n: float = 0.5  # amplitude from which it is damped
+    shake_n: float = 1.0  # amplitude from which it is damped
     shake_damping_ns_per_m_per_n: float = 20.0
-    shake_mass_kg_per_n: float = 10.0
     shake_memory_s: float = 3.0  # what goes on oscillating is damped more and more, and as slowly less
-    shake_growth_per_s: float = 0.6
+    shake_growth_per_s: float = 0.3
+    grip_hz: float = 8.0  # about as fast as two hands, or a hand and an arm, turn on a grip: more virtual mass holds that, while
+    grip_n: float = 0.3  # people who are late, and shake at 2-4 Hz, need less of it
+    grip_mass_kg_per_n: float = 20.0
     lead_s: float = 0.02  # the robot's actuator lag, anticipated in the command
 
     @staticmethod
@@ -92,9 +94,9 @@ class Compliance:
 
     def __init__(self, n_axes: int, dt: float) -> None:
         self._dt = dt
-        self.memory = np.zeros(2 * n_axes + 2)
-        self.velocity, self._slow = self.memory[:-2].reshape(2, n_axes)
-        self._shaking = self.memory[-2:]  # its mean size, and how long it has gone on
+        self.memory = np.zeros(3 * n_axes + 4)
+        self.velocity, self._slow, self._slower = self.memory[:-4].reshape(3, n_axes)
+        self._shaking = self.memory[-4:]  # its mean size, and how long it has gone on; the same of what turns on the grip
 
     def reset(self) -> None:
         self.memory[:] = 0.0
@@ -110,30 +112,39 @@ class Compliance:
         speed = max(length(c), length(reference.tolist()), departs_m_per_s)
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest * rest * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
-        shaking = self._shakes(law, off)
+        shaking, on_grip = self._shakes(law, off)
         damping += law.shake_damping_ns_per_m_per_n * shaking
         size, dead = length(off), law.dead_zone_n * rest
         felt = 1.0 - dead / size if size > dead else 0.0  # of a size beyond all numbers, too
-        share = self._dt / (law.virtual_mass_kg + law.shake_mass_kg_per_n * shaking)
+        share = self._dt / (law.virtual_mass_kg + law.grip_mass_kg_per_n * on_grip)
         for i, (f, a) in enumerate(zip(off, feedforward.tolist(), strict=True)):
             self.velocity[i] = (c[i] + share * (f * felt) + self._dt * a) / (1.0 + share * damping)
 
-    def _shakes(self, law: CollaborativeLaw, excess: list[float]) -> float:
-        """Amplitude [N], beyond what is usual, of a force that oscillates faster than people lift together; grows as it goes on.
+    def _shakes(self, law: CollaborativeLaw, excess: list[float]) -> tuple[float, float]:
+        """Amplitudes [N], beyond what is usual, of a force that oscillates faster than people lift together, and of the part of
+        it that is as fast as a grip; both grow as it goes on.
 
         Around a partner of stiffness K and damping B, a delay tau takes tau K from the loop's damping, whatever the virtual mass:
-        stable if B + D > tau K. So a stiff partner needs D, and only such a partner. A stiff grip turns faster than D can
-        hold: there the virtual mass has to be more.
+        stable if B + D > tau K. So a stiff partner needs D, and only such a partner. A firm grip turns faster than D can hold.
         """
-        keep = 1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)
-        slow = [slow + keep * (f - slow) for f, slow in zip(excess, self._slow.tolist(), strict=True)]
-        fast = min(length([f - s for f, s in zip(excess, slow, strict=True)]), ABSURD)
-        shake, went_on = self._shaking.tolist()
-        shake += min(self._dt / 0.3, 1.0) * (fast - shake)
-        amplitude = max(1.57 * shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
-        went_on += self._dt * (law.shake_growth_per_s * amplitude - went_on / law.shake_memory_s)
-        self._slow[:], self._shaking[:] = slow, (shake, went_on)
-        return amplitude + went_on
+        share, memory_s = min(self._dt / 0.3, 1.0), law.shake_memory_s
+        fast = _beyond(excess, self._slow, 1.0 - exp(-2.0 * pi * law.shake_hz * self._dt))
+        faster = _beyond(fast, self._slower, 1.0 - exp(-2.0 * pi * law.grip_hz * self._dt))
+        shake, went_on, turn, turned = self._shaking.tolist()
+        shake += share * (min(length(fast), ABSURD) - shake)
+        turn += share * (min(length(faster), ABSURD) - turn)
+        amplitude, turns = max(1.57 * shake - law.shake_n, 0.0), max(1.57 * turn - law.grip_n, 0.0)  # mean |sin| = amplitude / 1.57
+        went_on += self._dt * (law.shake_growth_per_s * amplitude - went_on / memory_s)
+        turned += self._dt * (law.shake_growth_per_s * turns - turned / memory_s)
+        self._shaking[:] = shake, went_on, turn, turned
+        return amplitude + went_on, turns + turned
+
+
+def _beyond(values: list[float], slow: Array, keep: float) -> list[float]:
+    """What is faster in `values` than the low-pass that `slow` (d,) remembers."""
+    passed = [s + keep * (v - s) for v, s in zip(values, slow.tolist(), strict=True)]
+    slow[:] = passed
+    return [v - p for v, p in zip(values, passed, strict=True)]
 
 
 PHASE_S, RATE, RESISTANCE, WAITS_S, FADED, FADING_S, LED_S, EASING_S, GOAL = range(9)  # Pace.clock
