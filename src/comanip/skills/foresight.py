@@ -19,7 +19,6 @@ from math import exp
 
 import numpy as np
 
-from ..interfaces import Array
 from ..signals.vectors import dot, length
 from .reference import PhaseReference
 
