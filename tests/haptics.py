@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from comanip.experiments.stability_map import both_hold, ripple
 
 from comanip.devices.link import Link, Network
+from comanip.experiments.stability_map import both_hold, ripple
 from comanip.loop import run
 from comanip.skills.teleoperation import Teleoperation
 

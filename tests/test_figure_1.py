@@ -10,9 +10,8 @@ from pictures import is_drawn
 
 pytest.importorskip("mujoco", reason="the humanoid needs comanip[humanoid]")
 
-from comanip.experiments import figure_1
-
 from comanip.errors import ParameterError
+from comanip.experiments import figure_1
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,6 @@ pytest.importorskip("matplotlib")
 from comanip.experiments import direct_recording, stability_map
 from comanip.experiments.direct_recording import Nobody, TwoHands, record
 from comanip.experiments.stability_map import DELAYS_S, GAINS, GRIPS
-
 from comanip.interfaces import STANDARD_GRAVITY
 from comanip.loop import run
 from comanip.plants.beam import Beam, WristSensor

@@ -8,9 +8,8 @@ import pytest
 from pictures import is_drawn
 
 pytest.importorskip("matplotlib")
-from comanip.experiments import role_changes
-
 from comanip.evaluation import drawing as figures
+from comanip.experiments import role_changes
 
 
 @pytest.fixture(scope="module")

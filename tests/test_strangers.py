@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from comanip.experiments import strangers
 
+from comanip.experiments import strangers
 from comanip.trials import draw_case
 from comanip.trials.foreign import PartnersFrom
 from comanip.trials.running import one_run

@@ -7,7 +7,7 @@ from .moved import follow
 
 follow()
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # public name -> its module, imported when first asked for, so that `import comanip` stays fast
 _PUBLIC = {

@@ -7,11 +7,11 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from comanip.experiments.stability_map import SLIPPERY
 
 from comanip.devices.link import Network
 from comanip.devices.phantom import HeldHandle, phantom
 from comanip.errors import ComanipWarning, ParameterError
+from comanip.experiments.stability_map import SLIPPERY
 from comanip.lessons.demonstration import demonstrations
 from comanip.skills.passivity import Passive, PassivityLaw
 from comanip.skills.teleoperation import CouplingLimits, Teleoperation

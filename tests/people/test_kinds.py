@@ -18,7 +18,7 @@ from comanip.people.rail import on_rail
 
 PEOPLE = [name for name, kind in KINDS.items() if not kind.robot]
 PLAYED = [(name, role) for name in PEOPLE for role in KINDS[name].roles]
-EXPERIMENTS = Path(comanip.__file__).parents[2] / "experiments"
+EXPERIMENTS = Path(comanip.__file__).parent / "experiments"
 LIFT = Course(((1.0, 2.0, (0.3,)),))
 ROUND = Course(((1.0, 1.5, (0.2, 0.0, 0.0)), (2.0, 1.5, (0.0, 0.1, 0.2))))
 GOES_THERE = [n for n in PEOPLE if LEADING in KINDS[n].roles and KINDS[n].behaviour == "steady"]

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import ParameterError
+from . import layouts
 from .plan import WHOLE, Seating, plan
 
 ABSENT = "numpy: the compiled kernels are absent (no C compiler when comanip was installed), so all works, 10 to 50 times slower"
@@ -38,6 +39,7 @@ def _load() -> tuple[Any, str, str]:
                 f"COMANIP_KERNELS={wanted!r} {what}; allowed here: numpy, or nothing. {missing.removeprefix('numpy: ')}"
             ) from None
         return None, missing, missing.removeprefix("numpy: ")
+    layouts.check(_native.layouts() if hasattr(_native, "layouts") else {})
     if wanted in _native.levels():
         _native.use(wanted)
     elif wanted not in ("", "native"):

@@ -4,21 +4,31 @@
 
 enum { NOISE_BLOCK = 2048 }; /* humans.BLOCK */
 
-typedef struct { /* BeamPlant._compile, in this order */
-    double mass, length, wrist_stiffness, wrist_damping, lag, inertia, decay, step, yy, yv, yu, vy, vv, vu;
-} Wrist;
+#define WRIST(X) \
+    X(mass, mass_kg) X(length, length_m) X(wrist_stiffness, wrist_stiffness_nm_per_rad) \
+    X(wrist_damping, wrist_damping_nms_per_rad) X(lag, actuator_lag_s) X(inertia, inertia) X(decay, decay) X(step, step_s) \
+    X(yy, yy) X(yv, yv) X(yu, yu) X(vy, vy) X(vv, vv) X(vu, vu)
+typedef struct { WRIST(ONE_NUMBER) } Wrist; /* BeamPlant._compile */
 
-typedef struct { /* partners.Person.numbers, in this order */
-    double stiffness, damping, feedforward, yields, yielding, persistence, lag, dead_zone, mix, intent_step, keep, fresh, relative, absolute,
-        tremor, phase_step;
-} Human;
+#define HUMAN(X) \
+    X(stiffness, stiffness_n_per_m) X(damping, damping_ns_per_m) X(feedforward, feedforward) X(yields, yields) \
+    X(yielding, yielding_ns_per_m) X(persistence, persistence) X(lag, lag_s) X(dead_zone, dead_zone_n) X(mix, mix) \
+    X(intent_step, intent_step_s) X(keep, keep) X(fresh, fresh) X(relative, relative) X(absolute, absolute_n) \
+    X(tremor, tremor_n) X(phase_step, phase_step)
+typedef struct { HUMAN(ONE_NUMBER) } Human; /* partners.Person.numbers */
 
-typedef struct { double axial, gravity, start, moves, carried, origin, phase; } Along; /* of each axis */
+#define ALONG(X) \
+    X(axial, axial) X(gravity, gravity) X(start, start) X(moves, moves) X(carried, carried) X(origin, origin) X(phase, phase)
+typedef struct { ALONG(ONE_NUMBER) } Along; /* of each axis */
 typedef struct { double start, duration, far[]; } Leg;                                 /* of humans.Course, far[d] */
 typedef struct { double pull, surplus; } Felt;
 
+#define END(X) \
+    X(position, position) X(velocity, velocity) X(acceleration, acceleration) X(tilt, tilt) X(tilt_rate, tilt_rate) \
+    X(tilt_acceleration, tilt_acceleration) X(sensor_force, sensor_force) X(far_position, far_position) \
+    X(far_velocity, far_velocity) X(pull, pull) X(sampled, sampled)
 typedef struct { /* _TransverseAxis, and Intent and Noise of the person */
-    double position, velocity, acceleration, tilt, tilt_rate, tilt_acceleration, sensor_force, far_position, far_velocity, pull, sampled;
+    END(ONE_NUMBER)
     double correction, correction_speed, felt, surplus, planned_speed, noise, phase;
     Felt *past; /* [person_late], the oldest at `oldest` */
     double *line; /* [sensor_late + 1] */

@@ -4,18 +4,35 @@
  * leaves everything untouched: then the Python, the one source of every reason, takes the tick. In doubt a tick is not ordinary.
  */
 
-typedef struct { /* compiled_tick.LIMITS, and what follows from them */
-    double v_max, a_max, force_limit, energy, stuck_s, stuck_m, moving, position_jump, drift, blocked_n, blocked_s, alone_n, alone_s,
-        steady_n_s, stands, sink_m, pushed_n, pushed_j, let_go_n, let_go_s, held_n, let_go_speed, tare_n, jump_n, jump_rest_s, dt, late;
-} Limits;
+#define LIMITS(X) \
+    X(v_max, v_max_m_per_s) X(a_max, a_max_m_per_s2) X(force_limit, force_limit_n) X(energy, energy_j) X(stuck_s, stuck_s) \
+    X(stuck_m, stuck_m) X(moving, moving_m_per_s) X(position_jump, position_jump_m) X(drift, drift_m) X(blocked_n, blocked_n) \
+    X(blocked_s, blocked_s) X(alone_n, alone_n) X(alone_s, alone_s) X(steady_n_s, steady_n_s) X(stands, stands_m_per_s) \
+    X(sink_m, sink_m) X(pushed_n, pushed_n) X(pushed_j, pushed_j) X(let_go_n, let_go_n) X(let_go_s, let_go_s) X(held_n, held_n) \
+    X(let_go_speed, let_go_m_per_s) X(tare_n, tare_n) X(jump_n, jump_n) X(jump_rest_s, jump_rest_s) X(dt, _dt) X(late, _late)
+typedef struct { LIMITS(ONE_NUMBER) } Limits;
 
 typedef double Axes[MOST_AXES];
 
-typedef struct { /* compiled_tick.SCALARS, then VECTORS, then the two memories of LetGo */
-    double period, time, stamp, age, elapsed, impact_s, blocked_ns, alone_s, rest_s, energy, held, sinks_s, for_s, weighed, sunk, lack_peak,
-        again_s, since_up_s, work, push_peak, jump_usual, heard_s, still_s, mean, amplitude, n_pulls, n_before;
-    Axes x, sent, at, v, force, wanted, asked, rate, felt, senses, weight, reading, same_s, same_m, changes, smallest, usual, dead, sensed, slow;
-    Commanded commanded;
+#define SCALARS(X) \
+    X(period, _period) X(time, _time) X(stamp, _stamp) X(age, _age) X(elapsed, _elapsed) X(impact_s, _impact_s) \
+    X(blocked_ns, _blocked_ns) X(alone_s, _alone_s) X(rest_s, _rest_s) X(energy, _energy) X(held, _held) X(sinks_s, _sinks_s) \
+    X(for_s, _let_go._for_s) X(weighed, _let_go._weighed) X(sunk, _sinking.sunk) X(lack_peak, _sinking._peak) \
+    X(again_s, _sinking._again_s) X(since_up_s, _sinking._since_up_s) X(work, _pushed.work) X(push_peak, _pushed._peak) \
+    X(jump_usual, _jump._usual) X(heard_s, _jump._heard_s) X(still_s, _jump._still_s) X(mean, _shaking._mean) \
+    X(amplitude, _shaking.amplitude)
+#define VECTORS(X) \
+    X(x, _x) X(sent, _sent) X(at, _at) X(v, _v) X(force, _force) X(wanted, _wanted) X(asked, _asked) X(rate, _rate) \
+    X(felt, _felt) X(senses, _senses) X(weight, _let_go.weight) X(reading, _stuck.last) X(same_s, _stuck.same_s) \
+    X(same_m, _stuck._same_m) X(changes, _stuck._changes) X(smallest, _stuck._least) X(usual, _stuck._usual) \
+    X(dead, _stuck._dead) X(sensed, _jump.last) X(slow, _shaking._slow)
+#define CHECKED(X) X(at, _checker.at) X(last, _checker.last)
+#define ITS_AXES(field, name) Axes field;
+typedef struct { /* SCALARS, how many rows there are in the two memories of LetGo, VECTORS */
+    SCALARS(ONE_NUMBER)
+    double n_pulls, n_before;
+    VECTORS(ITS_AXES)
+    Commanded commanded; /* CHECKED */
 } Ledger;
 
 typedef struct {

@@ -4,16 +4,21 @@
  * A tick that is not plain (something missing, an array of another kind, a change of role) gives 0 and leaves all untouched.
  */
 
-typedef struct { /* CollaborativeLaw, in the order of its fields */
-    double mass, moving_damping, resting_damping, moving_speed, dead_zone, anticipation, anticipation_s, foresight, attraction, start_delay,
-        comfortable, yield_gain, slowest_clock, patience, reach, max_acceleration, shake_hz, shake_n, shake_damping, shake_memory, shake_growth,
-        grip_hz, grip_n, grip_mass, lead_s;
-} Numbers;
+#define LAW(X) \
+    X(mass, virtual_mass_kg) X(moving_damping, moving_damping_ns_per_m) X(resting_damping, resting_damping_ns_per_m) \
+    X(moving_speed, moving_speed_m_per_s) X(dead_zone, dead_zone_n) X(anticipation, anticipation) \
+    X(anticipation_s, anticipation_s) X(foresight, foresight) X(attraction, attraction_per_s) X(start_delay, start_delay_s) \
+    X(comfortable, comfortable_n) X(yield_gain, yield_gain_per_n) X(slowest_clock, slowest_clock) X(patience, patience_s) \
+    X(reach, reach_m) X(max_acceleration, max_acceleration_m_per_s2) X(shake_hz, shake_hz) X(shake_n, shake_n) \
+    X(shake_damping, shake_damping_ns_per_m_per_n) X(shake_memory, shake_memory_s) X(shake_growth, shake_growth_per_s) \
+    X(grip_hz, grip_hz) X(grip_n, grip_n) X(grip_mass, grip_mass_kg_per_n) X(lead_s, lead_s)
+typedef struct { LAW(ONE_NUMBER) } Numbers; /* CollaborativeLaw */
 
-typedef struct { /* of RolePolicy: roles.SHARED */
-    double insist_n, insist_ns_per_m, ahead_n, insist_s, held_m_per_s, resting_n, resting_m_per_s, start_patience_s, midway_patience_s,
-        finished_m, held_s;
-} Policy;
+#define POLICY(X) \
+    X(insist_n, insist_n) X(insist_ns_per_m, insist_ns_per_m) X(ahead_n, ahead_n) X(insist_s, insist_s) \
+    X(held_m_per_s, held_m_per_s) X(resting_n, resting_n) X(resting_m_per_s, resting_m_per_s) \
+    X(start_patience_s, start_patience_s) X(midway_patience_s, midway_patience_s) X(finished_m, finished_m) X(held_s, held_s)
+typedef struct { POLICY(ONE_NUMBER) } Policy; /* of RolePolicy */
 
 typedef struct { /* RoleEvidence */
     int n, strengths; /* filters, and how many of them are one role */

@@ -958,6 +958,7 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
 #pragma GCC push_options
 #pragma GCC optimize("fp-contract=off")
 #endif
+#include "_layout.h"
 #include "_law.h"
 #include "_checker.h"
 #include "_envelope.h"
@@ -1236,6 +1237,22 @@ static PyObject *envelope_act(PyObject *object, PyObject *const *args, Py_ssize_
 
 /* --------------------------------------------------------------------------------------------------------- module */
 
+static const Layout LAYOUTS[] = {
+    {"wrist", WRIST(ITS_NAME)}, {"person", HUMAN(ITS_NAME)}, {"along", ALONG(ITS_NAME)}, {"end", END(ITS_NAME)}, {"law", LAW(ITS_NAME)},
+    {"policy", POLICY(ITS_NAME)}, {"limits", LIMITS(ITS_NAME)}, {"scalars", SCALARS(ITS_NAME)}, {"vectors", VECTORS(ITS_NAME) CHECKED(ITS_NAME)},
+};
+
+static PyObject *layouts(PyObject *self, PyObject *none) {
+    (void)self, (void)none;
+    PyObject *found = PyDict_New();
+    for (size_t i = 0; found && i < sizeof LAYOUTS / sizeof *LAYOUTS; i++) {
+        PyObject *names = PyUnicode_FromString(LAYOUTS[i].names);
+        if (!names || PyDict_SetItemString(found, LAYOUTS[i].block, names) < 0) Py_CLEAR(found);
+        Py_XDECREF(names);
+    }
+    return found;
+}
+
 static PyObject *levels(PyObject *self, PyObject *none) {
     (void)self, (void)none;
     PyObject *names = PyList_New(0);
@@ -1275,6 +1292,7 @@ static PyMethodDef functions[] = {
     {"mixture", mixture, METH_VARARGS, "Moments of a mixture and the log-likelihood of all frames."},
     {"decode", decode, METH_VARARGS, "Viterbi paths of sequences, and their log-probabilities."},
     {"rollouts", rollouts, METH_VARARGS, "Many roll-outs of a learned velocity law; False when one is not finite."},
+    {"layouts", layouts, METH_NOARGS, "Shared blocks of numbers: block -> names in the order of memory."},
     {"levels", levels, METH_NOARGS, "Instruction sets that run here, fastest first."},
     {"level", level, METH_NOARGS, "The instruction set in use."},
     {"lanes", lanes, METH_NOARGS, "float64 numbers in one vector of it."},

@@ -18,6 +18,7 @@ from ..interfaces import Array
 from ..recording import Channel, Passed, Recording, axis_units, check_role, expand, frozen
 from ..signals.filters import MAX_CUTOFF, differentiate, integrate, smooth
 from .agreement import check_set, listed, missing, noted, require
+from .cuts import between, merged, trimmed
 from .faults import (
     MAX_RATE_RATIO,
     Plausible,
@@ -31,7 +32,7 @@ from .faults import (
     say_bridged,
     suspect,
 )
-from .forces import Bias, check_force, check_sensor, known_bias, rest_frames, stated_bias, tared
+from .forces import Bias, check_force, check_sensor, known_bias, stated_bias, tared
 from .jumps import check_jumps
 from .stamps import one_rate
 
@@ -265,13 +266,13 @@ def _pieces(recording: Recording, chosen: Preparation) -> list[Demonstration]:
         if found and not chosen.split_gaps:
             raise RecordingError(gap_message(f"{where}: {name}", found[0], len(found)))
         say_bridged(f"{where}: {name}", channels[name], 1.0 / asked if asked else 0.0, notes)
-    cuts = _merged(sorted((before, after) for found in holes.values() for _, before, after in found))
+    cuts = merged(sorted((before, after) for found in holes.values() for _, before, after in found))
     starts, stops = [-np.inf, *(after for _, after in cuts)], [*(before for before, _ in cuts), np.inf]
     pieces: list[Demonstration] = []
     bias: Bias | None = None
     title = str(recording.metadata.get("name", "")) or "recording"
     for i, (start, stop) in enumerate(zip(starts, stops, strict=True)):
-        part = {n: _between(c, start, stop) for n, c in channels.items()}
+        part = {n: between(c, start, stop) for n, c in channels.items()}
         if cuts and min(len(c.time) for c in part.values()) < max(chosen.min_frames, 8):
             suspect(notes, f"{where}: piece {i} between gaps is too short and left out")
             continue
@@ -316,17 +317,6 @@ def _stored_payload(recording: Recording) -> Payload | None:
         return None
     bias = tuple(float(b) for b in stored.get("force_bias_n", ()))
     return Payload(float(stored["mass_kg"]), force_bias_n=bias)
-
-
-def _merged(cuts: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Holes of several channels that overlap count as one."""
-    merged: list[tuple[float, float]] = []
-    for before, after in cuts:
-        if merged and before < merged[-1][1]:
-            merged[-1] = (merged[-1][0], max(after, merged[-1][1]))
-        else:
-            merged.append((before, after))
-    return merged
 
 
 def _role(recording: Recording, where: str, asked: str | None, notes: list[str]) -> str:
@@ -390,11 +380,6 @@ def _channels(recording: Recording, where: str, chosen: Preparation, notes: list
     return found
 
 
-def _between(channel: Channel, start: float, stop: float) -> Channel:
-    keep = (channel.time >= start) & (channel.time <= stop)
-    return replace(channel, time=channel.time[keep], values=channel.values[keep])
-
-
 def _signals(
     recording: Recording, channels: Mapping[str, Channel], chosen: Preparation, notes: list[str], where: str
 ) -> tuple[float, dict[str, Array], dict[str, str], tuple[str, ...]]:
@@ -424,7 +409,7 @@ def _finished(
     notes: list[str],
     where: str,
 ) -> Demonstration:
-    signals = _trimmed(signals, dt, chosen.trim_rest_s, units["velocity"], notes)
+    signals = trimmed(signals, dt, chosen.trim_rest_s, units["velocity"], notes)
     frames = len(signals["position"])
     if frames < chosen.min_frames:
         raise RecordingError(f"{where}: {frames} frames at {1 / dt:g} Hz; needs >= {chosen.min_frames}: record longer")
@@ -504,15 +489,3 @@ def _interaction(
         f"zero-phase low-pass {cutoff:.4g} Hz on F_s and acceleration"
     )
     return interaction_force(sensed, acceleration, mass_kg=payload.mass_kg, load_share=share, gravity=gravity)
-
-
-def _trimmed(signals: dict[str, Array], dt: float, keep_s: float | None, unit: str, notes: list[str]) -> dict[str, Array]:
-    if keep_s is None:
-        return signals
-    start, end = rest_frames(signals["velocity"], dt, unit)
-    frames, keep = len(signals["velocity"]), round(keep_s / dt)
-    first, last = max(0, start - keep), frames - max(0, end - keep)
-    if start == frames or (first, last) == (0, frames):
-        return signals
-    notes.append(f"trimmed rest: {first * dt:.3g} s at the start, {(frames - last) * dt:.3g} s at the end")
-    return {n: v[first:last] for n, v in signals.items()}

@@ -21,6 +21,7 @@ import numpy as np
 
 from ..errors import ParameterError
 from ..interfaces import STANDARD_GRAVITY, Array
+from ..kernels import layouts
 from .intent import Course, Intent, Legs, Noise, Plan, Unsteadiness, Yielding, minimum_jerk
 
 __all__ = [
@@ -118,13 +119,26 @@ class _Human:
             return None
         arm, noise, y = self.arm, self._noise[0], self._yielding or Yielding()
         kind, intent = noise.kind, next((i for i, m in zip(self._intents, self._moving, strict=True) if m), self._intents[0])
-        numbers = [
-            arm.stiffness_n_per_m, arm.damping_ns_per_m, self._feedforward, float(self._yielding is not None), y.damping_ns_per_m,
-            y.persistence, y.lag_s, y.dead_zone_n, intent.mix, intent.step_s, noise.keep, noise.fresh, kind.relative,
-            kind.absolute_n, kind.tremor_n, 2 * pi * kind.tremor_hz * noise.step,
-        ]  # fmt: skip
+        numbers = {
+            "stiffness_n_per_m": arm.stiffness_n_per_m,
+            "damping_ns_per_m": arm.damping_ns_per_m,
+            "feedforward": self._feedforward,
+            "yields": self._yielding is not None,
+            "yielding_ns_per_m": y.damping_ns_per_m,
+            "persistence": y.persistence,
+            "lag_s": y.lag_s,
+            "dead_zone_n": y.dead_zone_n,
+            "mix": intent.mix,
+            "intent_step_s": intent.step_s,
+            "keep": noise.keep,
+            "fresh": noise.fresh,
+            "relative": kind.relative,
+            "absolute_n": kind.absolute_n,
+            "tremor_n": kind.tremor_n,
+            "phase_step": 2 * pi * kind.tremor_hz * noise.step,
+        }
         along = np.column_stack([self._moving, self._carried, self._origin, [n.phase for n in self._noise]])
-        return Person(np.array(numbers), along, *self._plan_by_numbers(), intent.late, noise.rng)
+        return Person(layouts.packed("person", numbers), along, *self._plan_by_numbers(), intent.late, noise.rng)
 
     def _plan_by_numbers(self) -> tuple[Array, Array, Array]:
         """Legs, curve and its clock as `Person` holds them."""

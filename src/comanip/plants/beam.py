@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import exp, isfinite
 from typing import Any
 
@@ -24,6 +24,7 @@ from .. import kernels
 from ..errors import ParameterError
 from ..interaction import gravity_along
 from ..interfaces import Array, Command, Observation, Partner
+from ..kernels import layouts
 from ..people.intent import BLOCK
 from ..signals.second_order import second_order_step
 
@@ -110,7 +111,7 @@ class _AxialAxis(_TransverseAxis):
         self.sensor_force = partner_force - self.beam.mass_kg * self.acceleration
 
 
-SHOWN = 11  # of each axis: its floats above, far end's position and velocity, the partner's force, the sensor's mean
+SHOWN = len(layouts.BLOCKS["end"])
 
 
 class BeamPlant:
@@ -198,10 +199,8 @@ class BeamPlant:
         if kernels.native is None or person is None or len(self.axes) > 6 or self._substeps > BLOCK:
             return None, self._rng
         beam, one, axis = self.beam, self._state[0].tilting, self._state[0]
-        wrist = np.array([
-            beam.mass_kg, beam.length_m, beam.wrist_stiffness_nm_per_rad, beam.wrist_damping_nms_per_rad, beam.actuator_lag_s,
-            axis.inertia, axis.decay, self._step, one.yy, one.yv, one.yu, one.vy, one.vv, one.vu,
-        ])  # fmt: skip
+        on_the_way = {"inertia": axis.inertia, "decay": axis.decay, "step_s": self._step}
+        wrist = layouts.packed("wrist", {**asdict(beam), **on_the_way, **one._asdict()})
         ends = np.array([[isinstance(a, _AxialAxis), a.gravity, a.position] for a in self._state], dtype=float)
         along = np.hstack([ends, person.along])
         made = kernels.native.Beam(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import sqrt
+from math import isfinite, sqrt
 from typing import Any
+
+import numpy as np
 
 from ..signals.vectors import apart, dot, length
 from .detectors import LIGHT_N
@@ -16,6 +18,17 @@ SINK_M_S2 = 1.0  # a hand that sinks slows down softly: a stop would swing the o
 
 class Bounds:
     """A part of `Envelope`."""
+
+    def _unfit(self: Any) -> str:
+        inner = self._inner
+        for name in ("velocity", "position", "acceleration"):
+            array = getattr(inner, name)
+            if np.shape(array) != (self._d,):
+                return f"{name} has shape {np.shape(array)} instead of ({self._d},)"
+            for value in array.tolist():
+                if not isfinite(value):
+                    return f"{name} is {value}"
+        return ""
 
     def _braked(self: Any, period: float) -> list[float]:
         speed = length(self._v)

@@ -11,22 +11,9 @@ from typing import Any
 import numpy as np
 
 from .. import kernels
+from ..kernels import layouts
 
-# in the order of kernels/_envelope.h
-LIMITS = (
-    "v_max_m_per_s a_max_m_per_s2 force_limit_n energy_j stuck_s stuck_m moving_m_per_s position_jump_m drift_m blocked_n"
-    " blocked_s alone_n alone_s steady_n_s stands_m_per_s sink_m pushed_n pushed_j let_go_n let_go_s held_n let_go_m_per_s"
-    " tare_n jump_n jump_rest_s"
-).split()
-SCALARS = (
-    "_period _time _stamp _age _elapsed _impact_s _blocked_ns _alone_s _rest_s _energy _held _sinks_s _let_go._for_s"
-    " _let_go._weighed _sinking.sunk _sinking._peak _sinking._again_s _sinking._since_up_s _pushed.work _pushed._peak"
-    " _jump._usual _jump._heard_s _jump._still_s _shaking._mean _shaking.amplitude"
-).split()
-VECTORS = (
-    "_x _sent _at _v _force _wanted _asked _rate _felt _senses _let_go.weight _stuck.last _stuck.same_s _stuck._same_m"
-    " _stuck._changes _stuck._least _stuck._usual _stuck._dead _jump.last _shaking._slow _checker.at _checker.last"
-).split()
+LIMITS, SCALARS, VECTORS = layouts.BLOCKS["limits"][:-2], layouts.BLOCKS["scalars"], layouts.BLOCKS["vectors"]
 LENT = {name.split(".")[0] for name in (*SCALARS, *VECTORS)}
 MOST_AXES = 6
 

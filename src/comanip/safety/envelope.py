@@ -463,17 +463,6 @@ class Envelope(Situation, Bounds):
         if self._frozen is not None:
             self._show()
 
-    def _unfit(self) -> str:
-        inner = self._inner
-        for name in ("velocity", "position", "acceleration"):
-            array = getattr(inner, name)
-            if np.shape(array) != (self._d,):
-                return f"{name} has shape {np.shape(array)} instead of ({self._d},)"
-            for value in array.tolist():
-                if not isfinite(value):
-                    return f"{name} is {value}"
-        return ""
-
     def _show(self) -> None:
         """Under the names and sizes that the recorder knows from the first skill."""
         assert self._frozen is not None

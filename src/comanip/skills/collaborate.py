@@ -18,7 +18,7 @@ feedback through the partner; see docs/laws.md. At rest the damping rises and a 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import exp, isfinite, pi
 from typing import Any
 
@@ -27,6 +27,7 @@ import numpy as np
 from .. import kernels
 from ..errors import MismatchError, ParameterError
 from ..interfaces import Array, Command, Observation
+from ..kernels import layouts
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
 from ..signals.vectors import dot, length
@@ -83,6 +84,9 @@ class CollaborativeLaw:
         if role == "leader":
             law = replace(law, virtual_mass_kg=6.0, moving_damping_ns_per_m=30.0, dead_zone_n=0.5, reach_m=0.30)
         return replace(law, **settings)
+
+
+layouts.agree("law", CollaborativeLaw.__dataclass_fields__, "CollaborativeLaw")
 
 
 class Compliance:
@@ -502,8 +506,12 @@ def compiled(
         np.concatenate([getattr(r, name) for r in pace.references]) for name in ("position", "velocity", "force", "way")
     )
     goals = np.array([(len(r.way), r.step_s, r.top_speed, r.slack_m) for r in pace.references])
+
+    def by_name(law: CollaborativeLaw) -> Array:
+        return layouts.packed("law", asdict(law))
+
     return kernels.native.Law(
-        watch.filter.compiled, np.array(astuple(pace.law)), np.array(astuple(following or pace.law)), np.array(policy),
+        watch.filter.compiled, by_name(pace.law), by_name(following or pace.law), np.array(policy),
         (*tables, goals), compliance.memory, pace.memory, memory, watch.until, watch.seen,
         (where.stations, where.firsts, where.memory, where.goals), d, dt, watch.model_dt, pull_s, bias_s, bank,
     )  # fmt: skip

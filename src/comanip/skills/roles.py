@@ -19,6 +19,7 @@ import numpy as np
 
 from ..errors import MismatchError
 from ..interfaces import Array, Command, Observation
+from ..kernels import layouts
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
 from ..signals.vectors import length, plain_sum
@@ -46,10 +47,6 @@ LATER = 1.5  # other people rest longer than those of the lessons
 AROUND_S = 1.0  # so much of the path around where it is thought to be may be where it is
 BIAS_S = 1.5  # how fast a force at rest, before the first motion, is taken for the sensor's
 PULL_S = 0.08  # smoothing of the force that decisions are made on
-SHARED = (  # of RolePolicy, with kernels/_law.h
-    "insist_n", "insist_ns_per_m", "ahead_n", "insist_s", "held_m_per_s", "resting_n", "resting_m_per_s", "start_patience_s",
-    "midway_patience_s", "finished_m", "held_s",
-)  # fmt: skip
 GROUPS = ("position", "force", "velocity")
 
 
@@ -254,9 +251,10 @@ class RoleSkill:
         self._way = np.zeros(d)  # where an offer pushes
         self._complies_only, self._outside = False, 0.0
         self._state = FOLLOWS
+        shared = [getattr(policy, name) for name in layouts.BLOCKS["policy"]]
         self._compiled = compiled(
             watch, self._pace, self._compliance, self._where, self._memory, dt, following=self._laws[0],
-            policy=[getattr(policy, name) for name in SHARED], pull_s=PULL_S, bias_s=BIAS_S, bank=evidence and evidence.bank,
+            policy=shared, pull_s=PULL_S, bias_s=BIAS_S, bank=evidence and evidence.bank,
         )  # fmt: skip
         self._go_on: Callable[..., bool] | None = None  # the compiled tick of a state; it says itself when that may change
 

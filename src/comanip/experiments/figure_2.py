@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from comanip.experiments.readings import script
 
 from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
+from comanip.experiments.readings import script
 from comanip.fitting.gmm import fit_gmm
 from comanip.interfaces import Array
 from comanip.models.gmm import Gmm

@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from comanip.experiments.readings import script
 
 from comanip.devices.link import Link, Network
 from comanip.devices.phantom import Handle, HeldHandle, phantom
 from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
+from comanip.experiments.readings import script
 from comanip.interfaces import STANDARD_GRAVITY, Array
 from comanip.loop import run as run_loop
 from comanip.people.partners import Arm, HumanLeader, Plan, Unsteadiness

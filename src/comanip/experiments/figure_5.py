@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from comanip.experiments.lifts import LESSONS, learned, moving, taught
-from comanip.experiments.readings import script
 
 from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.evaluation.metrics import work
 from comanip.evaluation.prediction import one_step_velocity
+from comanip.experiments.lifts import LESSONS, learned, moving, taught
+from comanip.experiments.readings import script
 from comanip.interfaces import Array
 from comanip.learned.skill import LearnedSkill
 from comanip.lessons.demonstration import Demonstration

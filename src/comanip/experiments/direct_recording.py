@@ -24,12 +24,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from comanip.experiments.readings import script
 
 from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
 from comanip.evaluation.metrics import effort
 from comanip.evaluation.prediction import overall, predict
+from comanip.experiments.readings import script
 from comanip.interaction import Payload
 from comanip.interfaces import STANDARD_GRAVITY, Array, Command, Observation, Partner
 from comanip.learned.learn import learn

@@ -120,9 +120,8 @@ def run(out: Path, *, seed: int = 0) -> list[Claim]:
 
 
 if __name__ == "__main__":
-    from comanip.experiments.readings import script
-
     from comanip.errors import ComanipError
+    from comanip.experiments.readings import script
 
     wants_films = "--films" in sys.argv
     if wants_films:

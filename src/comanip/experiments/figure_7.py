@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from comanip.experiments.lifts import LESSONS, learned, taught
-from comanip.experiments.readings import LETTER, READING, script
 
 from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least, at_most
+from comanip.experiments.lifts import LESSONS, learned, taught
+from comanip.experiments.readings import LETTER, READING, script
 from comanip.interfaces import Array, Skill
 from comanip.learned.learn import learn
 from comanip.learned.skill import LearnedSkill

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from comanip.experiments.lifts import RATE_HZ, taught
-from comanip.experiments.readings import script
 from numpy.typing import NDArray
 
 from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_most
+from comanip.experiments.lifts import RATE_HZ, taught
+from comanip.experiments.readings import script
 from comanip.interaction import TaringInteractionForce, gravity_along
 from comanip.interfaces import Array, Partner
 from comanip.learned.learn import learn

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from comanip.experiments.figure_5 import ROLES, UNITS
-from comanip.experiments.lifts import LESSONS, learned, moving, taught
-from comanip.experiments.readings import script
 
 from comanip.evaluation import drawing as figures
 from comanip.evaluation.claims import Claim, at_least
+from comanip.experiments.figure_5 import ROLES, UNITS
+from comanip.experiments.lifts import LESSONS, learned, moving, taught
+from comanip.experiments.readings import script
 from comanip.interfaces import Array
 from comanip.lessons.demonstration import Demonstration
 from comanip.models.gmr import regress
