@@ -133,7 +133,10 @@ class Compliance:
         shake, went_on, turn, turned = self._shaking.tolist()
         shake += share * (min(length(fast), ABSURD) - shake)
         turn += share * (min(length(faster), ABSURD) - turn)
-        amplitude, turns = max(1.57 * shake - law.shake_n, 0.0), max(1.57 * turn - law.grip_n, 0.0)  # mean |sin| = amplitude / 1.57
+        amplitude, turns = (
+            max(1.57 * shake - law.shake_n, 0.0),
+            max(1.57 * turn - law.grip_n, 0.0),
+        )  # mean |sin| = amplitude / 1.57
         went_on += self._dt * (law.shake_growth_per_s * amplitude - went_on / memory_s)
         turned += self._dt * (law.shake_growth_per_s * turns - turned / memory_s)
         self._shaking[:] = shake, went_on, turn, turned
@@ -367,7 +370,11 @@ class CollaborativeSkill:
 
     def step(self, obs: Observation, command: Command) -> None:
         foresees, tick = self._foresees(obs), self._tick
-        if foresees or tick is None or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration):
+        if (
+            foresees
+            or tick is None
+            or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration)
+        ):
             self._step(obs, command)
 
     def _foresees(self, obs: Observation) -> bool:
