@@ -17,7 +17,7 @@ def taught(way=(1.0,)):
 
 
 def moved(size, lasts_s, seconds, way=(1.0,), force_n=0.6, begins_s=1.0):
-    """After so long, of a partner with this plan whose hand the robot goes along with: foresight, true velocity and acceleration."""
+    """After so long, of a partner with whom the robot goes along: foresight, true velocity and acceleration."""
     reference, one, way = taught(way), Foresight(DT, len(way)), np.array(way)
     one.reset([0.0] * len(way))
     for n in range(round((begins_s + seconds) / DT)):
@@ -32,7 +32,8 @@ def moved(size, lasts_s, seconds, way=(1.0,), force_n=0.6, begins_s=1.0):
 @pytest.mark.parametrize(("size", "lasts_s"), [(1.0, 2.2), (0.7, 1.7), (1.2, 3.2)])
 def test_the_plan_is_known_at_half_of_the_motion(size, lasts_s):
     one, velocity, _ = moved(size, lasts_s, 0.5 * lasts_s)
-    assert one.awake and one.sure > 0.9
+    assert one.awake
+    assert one.sure > 0.9
     assert one.velocity[0] == pytest.approx(velocity[0], abs=0.03)
 
 
@@ -85,4 +86,5 @@ def test_no_number_is_too_large(absurd):
         one.hears([absurd], [absurd], [force], taught(), 0.5)
         if one.awake:
             one.step([absurd], [absurd])
-    assert np.isfinite(one.velocity).all() and np.isfinite(one.acceleration).all() and not one.awake
+    assert np.isfinite([*one.velocity, *one.acceleration]).all()
+    assert not one.awake

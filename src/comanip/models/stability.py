@@ -42,7 +42,7 @@ class Delays(NamedTuple):
 
     dead_s: float = 0.03
     lag_s: float = 0.02
-    cutoff_hz: float = 15.0
+    cutoff_hz: float = 40.0
 
 
 class Stability(NamedTuple):

@@ -8,9 +8,13 @@ What is seen is where the partner wants the hand: the hand itself, and ahead of 
 
     z = x + F / K        u = v + F / B
 
-with an arm as usual as K and B. So motion alone cannot confirm itself: a hand that went where nobody wanted it is pulled back, and
-the plans that led there lose. "None of these" stands beside the plans with a density of its own: whoever goes another way is
-known within some tenths of a second, and nothing is foreseen of such a motion any more until it has rested.
+with an arm as usual as K and B. So motion alone cannot confirm itself: a hand that went where nobody wanted it is pulled back,
+and the plans that led there lose. "None of these" stands beside the plans with a density of its own: whoever goes another way is
+known within some tenths of a second, and nothing is foreseen of such a motion until it has gone on for a while, or rested.
+
+A motion begins where the hand is wanted farther along the path than this partner's rest wanders: who sways does not set out. All
+lasts as long as the hand moves; of a motion that begins elsewhere on the path nothing is foreseen. Numbers were chosen on the
+kinds of people for tuning. A tick takes some 60 us, in Python; the others stay compiled.
 """
 
 from __future__ import annotations
