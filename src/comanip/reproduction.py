@@ -45,7 +45,7 @@ def make_skill(
     """
     skill = _law(learned, axes=axes, dt=dt, law=law, role=role, gives_way=gives_way, goal=goal, settings=settings)
     if envelope is False:
-        return skill
+        return _made_for(skill, axes, dt)
     yields = (law or learned.law) == "default"
     return enveloped(skill, [learned], axes=axes, dt=dt, limits=_stated(envelope), yields=yields)
 
@@ -87,7 +87,7 @@ def make_auto(
         learned["leader"], laws["leader"], axes, dt, following=laws["follower"], evidence=evidence, policy=policy, goal=goal
     )
     if envelope is False:
-        return skill
+        return _made_for(skill, axes, dt)
     return enveloped(skill, list(learned.values()), axes=axes, dt=dt, limits=_stated(envelope), yields=True)
 
 
@@ -148,6 +148,12 @@ def _role_skill(
         goal=goal_of(learned, goal),
         **about,
     )
+
+
+def _made_for(skill: Skill, axes: tuple[str, ...], dt: float) -> Skill:
+    """`skill` with the axes and the period that it was made for, which the loop compares with the plant's."""
+    skill.axes, skill.dt = tuple(axes), dt  # type: ignore[attr-defined]
+    return skill
 
 
 def _stated(envelope: bool | Limits) -> Limits | None:

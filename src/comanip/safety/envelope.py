@@ -38,6 +38,8 @@ from .situation import BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation
 NAMES = ("RUN", "COMPLY", "HOLD")
 SAME_SAMPLE = 1e-3  # of a period: a stamp that advances by less is the same sample again, and its clock is not believed
 EDGE_M = 0.01  # nearer than this to a wall it is said
+FORGETS_S = 5.0  # within which the ledger comes back to the measured position: 1 cm/s that is not followed is off by 5 cm,
+# and what a hand is late or early with each motion does not add up over a day
 ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
 
 
@@ -78,7 +80,7 @@ class Envelope(Situation, Bounds):
         self._inner = Command(d)
         self._frozen: dict[str, Array] | None = None
         self._ordinary: Any = None  # Ordinary, where it was compiled
-        self._is_lent = False
+        self._is_lent = self._ran = False
         self._restart(0.0, [0.0] * d)
         self._fault("not started")
         if kernels.native is not None and d <= MOST_AXES:
@@ -92,6 +94,16 @@ class Envelope(Situation, Bounds):
                 self._take_back()
                 return getattr(self, name)
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes that it was made for; the loop compares them with the plant's."""
+        return self._axes
+
+    @property
+    def dt(self) -> float:
+        """The period that it was made for [s]; the loop compares it with the plant's."""
+        return self._dt
 
     @property
     def mode(self) -> str:
@@ -144,7 +156,7 @@ class Envelope(Situation, Bounds):
 
     def reset(self, obs: Observation) -> None:
         """As the loop's start: like re-arming, but what refuses it is a HOLD."""
-        refused = self._begin(obs)
+        refused = self._begin(obs, resumes=False)
         if refused:
             self._fault(refused)
 
@@ -159,7 +171,7 @@ class Envelope(Situation, Bounds):
         fastest = length(self._v)
         if measured > self.limits.rest_m_per_s or fastest > (self.limits.moving_m_per_s if self._state == RUN else 0.0):
             return f"in motion: {max(measured, fastest):.2g} m/s"
-        return problem or self._begin(obs)
+        return problem or self._begin(obs, resumes=self._ran)
 
     def _still_there(self, obs: Observation) -> str:
         """What it must not start under: a hand that is pulled, a sensor that stands still yet."""
@@ -183,7 +195,13 @@ class Envelope(Situation, Bounds):
         self._confidence[0] = 0.0
         return ""
 
-    def _begin(self, obs: Observation) -> str:
+    def _enter(self, obs: Observation, resumes: bool) -> None:
+        """The skill from rest where the arm is; `resumes`: in the part of the task in which it was, if it knows how to."""
+        begin = getattr(self.skill, "resume", self.skill.reset) if resumes else self.skill.reset
+        begin(obs)
+        self._ran = True
+
+    def _begin(self, obs: Observation, *, resumes: bool) -> str:
         try:
             time, position = float(obs.time), [float(x) for x in obs.position]
             problem = self._problem(obs)
@@ -195,7 +213,7 @@ class Envelope(Situation, Bounds):
             return problem
         self._restart(time, position)
         try:
-            self.skill.reset(obs)
+            self._enter(obs, resumes)
         except Exception as error:
             self._fault(f"policy: {error!r}")
         return self._reason
@@ -329,10 +347,10 @@ class Envelope(Situation, Bounds):
 
     def _send(self, command: Command, period: float, fresh: bool, late: bool) -> None:
         velocity = self._clip(period)
-        verdict = self._checker.judge(period, velocity, late)
+        verdict = self._checker.judge(period, velocity, late, self._at if self._known and not late else None)
         if verdict:
             self._fault(f"checker: {verdict}")
-        passed = self._state == RUN and fresh and velocity == self._asked
+        passed = self._state == RUN and fresh and velocity == self._inner.velocity.tolist()  # not one that is faded: its position is not
         if period > 0.0:
             self._rate = [(new - old) / period for new, old in zip(velocity, self._v, strict=True)]
         self._v = velocity
@@ -416,7 +434,8 @@ class Envelope(Situation, Bounds):
             braking = min(period - self._dt, speed / limits.a_max_m_per_s2)
             far = speed * (self._dt + braking) - 0.5 * limits.a_max_m_per_s2 * braking * braking
             way = [v / speed * far for v in self._v]
-        self._x = [x + w for x, w in zip(self._x, way, strict=True)]
+        share = min(period / FORGETS_S, 1.0) if self._known and not late else 0.0  # of what it is off, forgotten
+        self._x = [x + w + share * (at - x) for x, w, at in zip(self._x, way, self._at, strict=True)]
         gain = dot(self._force, way) if self._known and not late else -limits.force_limit_n * length(way)
         self._energy = min(limits.energy_j, max(0.0, self._energy + gain))
         if (off := apart(self._x, self._at)) > limits.drift_m and self._state != HOLD:

@@ -120,7 +120,7 @@ class Situation:
             return
         reason = self._reason
         try:
-            self.skill.reset(obs)
+            self._enter(obs, True)
         except Exception as error:
             self._fault(f"policy: {error!r}")
             return
