@@ -414,6 +414,8 @@ class Envelope(Situation, Bounds):
             self._force = force
             at_rest = length(self._v) < limits.moving_m_per_s
             self._let_go.weigh(raw, force, self._rate, at_rest and length(force) < limits.tare_n)
+            if self._let_go.load > limits.load_n:
+                self._fault(f"the object weighs {self._let_go.load:.0f} N on this hand > {limits.load_n:g} N: too heavy to carry")
             if jump := self._jump.step(raw, at_rest, period):
                 self._pause(f"force jumped {jump:.1f} N at rest: sensor? tare, then re-arm", 0.5 * jump)
 

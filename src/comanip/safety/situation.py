@@ -6,7 +6,7 @@ from typing import Any
 
 from ..interfaces import Observation
 from ..signals.vectors import dot, length
-from .detectors import LIGHT_N, Pushed, Sinking
+from .detectors import HANGS_N, LIGHT_N, Pushed, Sinking
 
 RUN, COMPLY, HOLD = 0, 1, 2
 GONE = "let go: the hand carries the whole object"
@@ -15,7 +15,7 @@ STUCK = "force stuck"
 PUSHED = "pushed along with {:.0f} N: sensor, or a weight on it?"
 BLOCKED, LOST = "blocked", "let go"
 SUNK = 0.9  # of what it may sink; nearer to its end it only creeps
-SINKS_S = 1.0  # it creeps at the end of what it may sink, and nobody answers, carries or pulls harder
+SINKS_S = 0.6  # it creeps at the end of what it may sink, and nobody answers, carries or pulls harder
 AGAIN_S = 8.0  # the longest wait before it tries again whether what blocked it has gone
 
 
@@ -110,7 +110,8 @@ class Situation:
         """Goes on by itself, faded in, when the force that stopped it is over for a while."""
         limits, load = self.limits, self._let_go.load
         still = dot(self._force, self._cause) / max(length(self._cause), 1e-9)  # of the force that stopped it
-        over = still < min(limits.pull_n, self._bound, 0.5 * load if load > LIGHT_N else limits.pull_n)
+        weighs = load > (LIGHT_N if self._reason in (GONE, SINKS) else HANGS_N)
+        over = still < min(limits.pull_n, self._bound, 0.5 * load if weighs else limits.pull_n)
         if self._reason == LOST:
             over = length(self._force) > 3.0 * limits.let_go_n
         self._passed_s = self._passed_s + period if over and self._known and self._feels_s <= 0.0 else 0.0
