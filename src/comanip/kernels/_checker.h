@@ -5,11 +5,10 @@ typedef struct { double v_max, a_max, dt, low[MOST_AXES], high[MOST_AXES]; } Rul
 typedef struct { double at[MOST_AXES], last[MOST_AXES]; } Commanded;
 
 #define SLACK 1e-9
-#define CHECKER_FORGETS_S 5.0
 
 /* 1, with `c` moved on, when `velocity` after a timely period breaks no rule. */
-static int allowed(const Rules *r, Commanded *c, int d, double period, const double *velocity, const double *measured) {
-    const double gain = r->a_max * period, share = period / CHECKER_FORGETS_S < 1.0 ? period / CHECKER_FORGETS_S : 1.0;
+static int allowed(const Rules *r, Commanded *c, int d, double period, const double *velocity) {
+    const double gain = r->a_max * period;
     double was = 0.0, now = 0.0, change = 0.0;
     Commanded next = *c;
     for (int n = 0; n < d; n++) {
@@ -18,7 +17,6 @@ static int allowed(const Rules *r, Commanded *c, int d, double period, const dou
         now += new * new;
         change += (new - old) * (new - old);
         next.at[n] += old * period;
-        next.at[n] += share * (measured[n] - next.at[n]);
         next.last[n] = new;
     }
     was = sqrt(was), now = sqrt(now), change = sqrt(change);

@@ -50,7 +50,6 @@ typedef struct {
 #define CREEP_M_S 0.025
 #define SINK_M_S2 1.0
 #define SAME_SAMPLE 1e-3
-#define FORGETS_S 5.0
 #define GRAVITY 9.80665
 
 static const double LACKS[2] = {0.02, 0.12}, TURNS[2] = {0.15, 0.3};
@@ -144,8 +143,7 @@ static int steady_zero(const Envelope *e, Ledger *l, const double *sensed, int a
 /* Envelope._book */
 static int follows(const Envelope *e, Ledger *l) {
     Axes way;
-    const double share = least(l->period / FORGETS_S, 1.0);
-    for (int i = 0; i < e->d; i++) way[i] = l->v[i] * l->period, l->x[i] = l->x[i] + way[i] + share * (l->at[i] - l->x[i]);
+    for (int i = 0; i < e->d; i++) way[i] = l->v[i] * l->period, l->x[i] += way[i];
     l->energy = least(e->limits.energy, most(0.0, l->energy + dot(l->force, way, e->d)));
     return !(apart(l->x, l->at, e->d) > e->limits.drift);
 }
@@ -301,7 +299,7 @@ static int act(Envelope *e, const double *const wish[3], double *const out[3]) {
         if (!all_finite(wish[n], d)) return 0;
     if (!clipped(e, l, wish[1], velocity)) return 0;
     for (int i = 0; i < d; i++) passed &= velocity[i] == wish[1][i];
-    if (!allowed(&e->rules, &l->commanded, d, l->period, velocity, l->at)) return 0;
+    if (!allowed(&e->rules, &l->commanded, d, l->period, velocity)) return 0;
     for (int i = 0; i < d; i++) {
         const double v = velocity[i], at = l->at[i];
         const double position = passed ? within(wish[0][i], at - near, at + near) : at + v * limits->dt;

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from math import sqrt
 
 SLACK = 1e-9
-FORGETS_S = 5.0  # as fast as the envelope's own ledger does, it comes back to where the hand was measured
 
 
 class Checker:
@@ -26,11 +25,10 @@ class Checker:
         self.at = list(position)
         self.last = [0.0] * len(self.walls)
 
-    def judge(self, period: float, velocity: list[float], late: bool, measured: Sequence[float] | None = None) -> str:
+    def judge(self, period: float, velocity: list[float], late: bool) -> str:
         """Empty, or the rule that `velocity` breaks, and then `velocity` holds what to command instead.
 
-        late       the last command ran out: it was held for dt, then the low level braked by itself
-        measured   where the hand is now [m]; None: nobody knows
+        late   the last command ran out: it was held for dt, then the low level braked by itself
         """
         gain, was, now, change = self.a_max * period, 0.0, 0.0, 0.0
         for new, old in zip(velocity, self.last, strict=True):
@@ -41,9 +39,6 @@ class Checker:
             coast = min(max(period - self.dt, 0.0), was / self.a_max)
             held = self.dt + coast - 0.5 * self.a_max * coast * coast / was
         self.at = [at + old * held for at, old in zip(self.at, self.last, strict=True)]
-        if measured is not None:
-            share = min(period / FORGETS_S, 1.0)
-            self.at = [at + share * (seen - at) for at, seen in zip(self.at, measured, strict=True)]
         verdict = ""
         if not now <= self.v_max + SLACK:  # also when it is not a number
             verdict = "speed"

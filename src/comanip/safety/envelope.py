@@ -38,8 +38,6 @@ from .situation import BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation
 NAMES = ("RUN", "COMPLY", "HOLD")
 SAME_SAMPLE = 1e-3  # of a period: a stamp that advances by less is the same sample again, and its clock is not believed
 EDGE_M = 0.01  # nearer than this to a wall it is said
-FORGETS_S = 5.0  # within which the ledger comes back to the measured position: 1 cm/s that is not followed is off by 5 cm,
-# and what a hand is late or early with each motion does not add up over a day
 ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
 
 
@@ -347,7 +345,7 @@ class Envelope(Situation, Bounds):
 
     def _send(self, command: Command, period: float, fresh: bool, late: bool) -> None:
         velocity = self._clip(period)
-        verdict = self._checker.judge(period, velocity, late, self._at if self._known and not late else None)
+        verdict = self._checker.judge(period, velocity, late)
         if verdict:
             self._fault(f"checker: {verdict}")
         passed = self._state == RUN and fresh and velocity == self._inner.velocity.tolist()  # not one that is faded: its position is not
@@ -436,8 +434,7 @@ class Envelope(Situation, Bounds):
             braking = min(period - self._dt, speed / limits.a_max_m_per_s2)
             far = speed * (self._dt + braking) - 0.5 * limits.a_max_m_per_s2 * braking * braking
             way = [v / speed * far for v in self._v]
-        share = min(period / FORGETS_S, 1.0) if self._known and not late else 0.0  # of what it is off, forgotten
-        self._x = [x + w + share * (at - x) for x, w, at in zip(self._x, way, self._at, strict=True)]
+        self._x = [x + w for x, w in zip(self._x, way, strict=True)]
         gain = dot(self._force, way) if self._known and not late else -limits.force_limit_n * length(way)
         self._energy = min(limits.energy_j, max(0.0, self._energy + gain))
         if (off := apart(self._x, self._at)) > limits.drift_m and self._state != HOLD:

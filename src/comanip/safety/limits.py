@@ -56,7 +56,7 @@ class Limits:
     let_go_m_per_s: float = 0.08
     passed_s: float = 0.5  # what stopped the hand is over for so long: it offers to go on
     offer_s: float = 2.0  # over which it then comes back to full speed where it was blocked,
-    offer_n: float = 4.0  # unless it is still in the way; an arm that is dragged along pulls with less
+    offer_n: float = 2.0  # unless it is still in the way
     shake_n: float = 6.0  # amplitude above 1 Hz from which shaking is said
     tare_n: float = 1.5  # mean force at rest from which tare is doubted
     jump_n: float = 0.8  # and 6 times the usual change: from one sample to the next, at rest for `jump_rest_s`, and
