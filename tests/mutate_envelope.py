@@ -19,14 +19,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parent.parent
-SOURCES = (
-    "safety/envelope.py",
-    "safety/bounds.py",
-    "safety/situation.py",
-    "safety/detectors.py",
-    "safety/checker.py",
-    "interaction.py",
-)
+SOURCES = (*(f"safety/{one}.py" for one in "envelope bounds situation detectors checker".split()), "interaction.py")
 TESTS = [
     "tests/faults/test_controller_faults.py", "tests/faults/test_safety_faults.py", "tests/faults/test_matching_parts.py",
     "tests/laws/test_envelope_laws.py", "tests/test_interaction.py",
@@ -130,7 +123,7 @@ def main() -> None:
             sys.exit("the tests fail without any change")
         alive = [said for i in drawn if (said := survives(*every[i], folder))]
     print(
-        f"{len(drawn) - len(alive)} of {len(drawn)} caught, of {len(every)} that there are; alive: {'; '.join(alive) or 'none'}"
+        f"{len(drawn) - len(alive)} of {len(drawn)} caught ({len(every)} there are); alive: {'; '.join(alive) or 'none'}"
     )
 
 

@@ -56,7 +56,7 @@ def test_C31_an_estimator_of_another_period_or_number_of_axes_is_refused(skills)
     plant = Counted(start_position=np.array([0.9]))
     skill = make_skill(skills["leader"], axes=("z",), dt=0.01)
     for estimator in estimators(0.002, [-9.8]):
-        with pytest.raises(MismatchError, match="the estimator runs at dt 0.002 s, the plant at 0.01 s"):
+        with pytest.raises(MismatchError, match=r"the estimator runs at dt 0\.002 s, the plant at 0\.01 s"):
             run(plant, skill, duration_s=1.0, estimator=estimator)
     for estimator in estimators(0.01, [0.0, -9.8]):
         with pytest.raises(MismatchError, match="the estimator's gravity has 2 entries; the plant has the axes z"):

@@ -37,7 +37,6 @@ from .situation import BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation
 
 NAMES = ("RUN", "COMPLY", "HOLD")
 SAME_SAMPLE = 1e-3  # of a period: a stamp that advances by less is the same sample again, and its clock is not believed
-EDGE_M = 0.01  # nearer than this to a wall it is said
 ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
 
 
@@ -135,20 +134,6 @@ class Envelope(Situation, Bounds):
             return f"goes on by itself: {self._passed} has passed" if self._passed else "COMPLY: unlike what was taught"
         said = [self.skill.notice, *self._flags()]
         return "; ".join(s for s in said if s)
-
-    def _flags(self) -> list[str]:
-        flags, limits = [], self.limits
-        if self._shaking.amplitude > limits.shake_n:
-            flags.append(f"shaking, {self._shaking.amplitude:.0f} N")
-        felt = [length(self._felt) if self._rest_s > 2.0 else 0.0, length(self._at_first)]
-        if max(felt) > limits.tare_n:
-            flags.append(f"felt {max(felt):.1f} N at rest: wrong mass? tare")
-        for name, x, (low, high) in zip(self._axes, self._at, self._walls, strict=True):
-            if min(x - low, high - x) < EDGE_M:
-                flags.append(f"at the edge of the workspace: {name} {x:.2f} m of {low:.2f} to {high:.2f} m")
-        if self._energy / limits.force_limit_n <= self.limits.a_max_m_per_s2 * self._late**2 / 8.0:
-            flags.append("energy budget used up: re-arm")
-        return flags
 
     # starting, and starting again
 
@@ -348,7 +333,8 @@ class Envelope(Situation, Bounds):
         verdict = self._checker.judge(period, velocity, late)
         if verdict:
             self._fault(f"checker: {verdict}")
-        passed = self._state == RUN and fresh and velocity == self._inner.velocity.tolist()  # not one that is faded: its position is not
+        # a faded velocity does not go with the position that the skill wishes: who follows positions would go the whole way
+        passed = self._state == RUN and fresh and velocity == self._inner.velocity.tolist()
         if period > 0.0:
             self._rate = [(new - old) / period for new, old in zip(velocity, self._v, strict=True)]
         self._v = velocity
@@ -416,15 +402,6 @@ class Envelope(Situation, Bounds):
                 self._fault(f"the object weighs {self._let_go.load:.0f} N on this hand > {limits.load_n:g} N: too heavy to carry")
             if jump := self._jump.step(raw, at_rest, period):
                 self._pause(f"force jumped {jump:.1f} N at rest: sensor? tare, then re-arm", 0.5 * jump)
-
-    def _readings(self, raw: list[float], force: list[float]) -> list[float]:
-        """What the sensor says; where it never says anything, the force. A reading that is missing is the last one again."""
-        readings = []
-        for i, (reading, f) in enumerate(zip(raw, force, strict=True)):
-            if reading == reading:
-                self._senses[i] = 1.0
-            readings.append(reading if reading == reading else self._stuck.last[i] if self._senses[i] else f)
-        return readings
 
     def _book(self, period: float, late: bool) -> None:
         """Where the last command led, and what it cost at worst."""

@@ -14,6 +14,7 @@ SINKS = "let go or loaded: more hangs on the hand than its share"
 STUCK = "force stuck"
 PUSHED = "pushed along with {:.0f} N: sensor, or a weight on it?"
 BLOCKED, LOST = "blocked", "let go"
+EDGE_M = 0.01  # nearer than this to a wall it is said
 SUNK = 0.9  # of what it may sink; nearer to its end it only creeps
 SINKS_S = 0.6  # it creeps at the end of what it may sink, and nobody answers, carries or pulls harder
 AGAIN_S = 8.0  # the longest wait before it tries again whether what blocked it has gone
@@ -138,3 +139,27 @@ class Situation:
         self._pushed = Pushed(self.limits.pushed_n)
         self._sinks_s = self._blocked_ns = 0.0
         self._wanted = [0.0] * self._d
+
+    def _flags(self: Any) -> list[str]:
+        """What the person should know while all goes on."""
+        flags, limits = [], self.limits
+        if self._shaking.amplitude > limits.shake_n:
+            flags.append(f"shaking, {self._shaking.amplitude:.0f} N")
+        felt = [length(self._felt) if self._rest_s > 2.0 else 0.0, length(self._at_first)]
+        if max(felt) > limits.tare_n:
+            flags.append(f"felt {max(felt):.1f} N at rest: wrong mass? tare")
+        for name, x, (low, high) in zip(self._axes, self._at, self._walls, strict=True):
+            if min(x - low, high - x) < EDGE_M:
+                flags.append(f"at the edge of the workspace: {name} {x:.2f} m of {low:.2f} to {high:.2f} m")
+        if self._energy / limits.force_limit_n <= self.limits.a_max_m_per_s2 * self._late**2 / 8.0:
+            flags.append("energy budget used up: re-arm")
+        return flags
+
+    def _readings(self: Any, raw: list[float], force: list[float]) -> list[float]:
+        """What the sensor says; where it never says anything, the force. A reading that is missing is the last one again."""
+        readings = []
+        for i, (reading, f) in enumerate(zip(raw, force, strict=True)):
+            if reading == reading:
+                self._senses[i] = 1.0
+            readings.append(reading if reading == reading else self._stuck.last[i] if self._senses[i] else f)
+        return readings
