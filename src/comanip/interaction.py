@@ -191,6 +191,15 @@ class CausalInteractionForce:
         self._filters = [Lowpass(felt_cutoff_hz(dt) if cutoff_hz is None else cutoff_hz, dt) for _ in gravity]
         self.reset()
 
+    @property
+    def dt(self) -> float:
+        """The period that it is stepped with [s]."""
+        return self._dt
+
+    @property
+    def n_axes(self) -> int:
+        return len(self._filters)
+
     def reset(self) -> None:
         """Forgets the past; the next good tick counts as rest."""
         for section in self._filters:
@@ -260,6 +269,15 @@ class TaringInteractionForce:
         self._dt, self._gravity, self._stated, self._share = dt, list(gravity), mass_kg, load_share
         self._ticks, self._moving, self._filtering = round(tare_s / dt), moving_m_per_s, filtering
         self.reset()
+
+    @property
+    def dt(self) -> float:
+        """The period that it is stepped with [s]."""
+        return self._dt
+
+    @property
+    def n_axes(self) -> int:
+        return len(self._gravity)
 
     def reset(self) -> None:
         """Forgets what was weighed: the next window at rest counts."""

@@ -6,11 +6,12 @@ import gc
 import time as _time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import isclose
 from typing import Any, Protocol
 
 import numpy as np
 
-from .errors import ParameterError
+from .errors import MismatchError, ParameterError
 from .interfaces import Command, Observation, Plant, Skill, Tap
 from .recording import Recorder, Recording
 
@@ -106,9 +107,11 @@ def run(
     Channels: hand.position, hand.velocity, hand.sensor_force, hand.force (what the skill saw), command.* (what it asked for),
     the plant's own truths, and the skill's diagnostics under "skill.<name>". `metadata["stop_reason"]` says why it ended:
     the skill's or the plant's own reason, "duration", or "interrupted" (Ctrl-C keeps what was recorded).
+    Raises MismatchError before anything moves where period, axes or units of skill, plant and estimator differ.
     """
     if not duration_s > 0:
         raise ParameterError(f"duration_s must be positive; got {duration_s}")
+    check_matches(plant, skill, estimator)
     d = len(plant.axes)
     obs, command = Observation(d), Command(d)
     clock = clock or SimulatedClock()
@@ -145,6 +148,29 @@ def run(
             reason = "interrupted"
     notice = {"notice": skill.notice} if skill.notice else {}
     return recorder.recording({**(metadata or {}), **notice, "stop_reason": reason, "dt_s": plant.dt})
+
+
+def check_matches(plant: Plant, skill: Skill, estimator: ForceEstimator | None = None) -> None:
+    """Refuses period, axes and units that skill or estimator state and that are not the plant's; what is not stated passes.
+
+    A skill made for 2 ms on a plant of 10 ms believes that a fifth of the time has passed: it moves at a fifth of its speed.
+    """
+    axes = tuple(plant.axes)
+    for who, made in (("skill", skill), ("estimator", estimator)):
+        dt = getattr(made, "dt", None)
+        if dt is not None and not isclose(dt, plant.dt, rel_tol=1e-6):
+            raise MismatchError(f"the {who} runs at dt {dt:g} s, the plant at {plant.dt:g} s: make the {who} with dt=plant.dt")
+    if tuple(moves := getattr(skill, "axes", axes)) != axes:
+        raise MismatchError(f"the skill moves axes {_listed(moves)}; the plant has {_listed(axes)}: one skill for one task frame")
+    if (n := getattr(estimator, "n_axes", len(axes))) != len(axes):
+        raise MismatchError(f"the estimator's gravity has {n} entries; the plant has the axes {_listed(axes)}: one an axis")
+    for name, unit in getattr(plant, "units", {}).items():
+        if _OBSERVED.get(name, unit) != unit:
+            raise MismatchError(f"the plant's {name} is in {unit!r}; skills take {_OBSERVED[name]!r}: convert it in its `read`")
+
+
+def _listed(axes: Sequence[str]) -> str:
+    return ", ".join(axes)
 
 
 def unbroken(recording: Recording) -> Recording:

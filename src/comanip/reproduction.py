@@ -50,7 +50,7 @@ def make_skill(
     role, settings = role or learned.role, {**stored_settings(learned, name), **settings}
     check_settings(name, settings)
     skill = part.load()(role, {role: learned}, dt, **_told(name, part, goal=goal, gives_way=gives_way), **settings)
-    return skill if envelope is False else _within([learned], skill, part, envelope, axes, dt)
+    return _made_for(skill, axes, dt) if envelope is False else _within([learned], skill, part, envelope, axes, dt)
 
 
 def make_auto(
@@ -77,7 +77,7 @@ def make_auto(
     name = _untold(law, learned)
     part = learned_laws()[name]
     skill = part.load()("auto", learned, dt, **_told(name, part, goal=goal, policy=policy))
-    return skill if envelope is False else _within(list(learned.values()), skill, part, envelope, axes, dt)
+    return _made_for(skill, axes, dt) if envelope is False else _within(list(learned.values()), skill, part, envelope, axes, dt)
 
 
 def _untold(law: str | None, learned: Mapping[str, LearnedSkill]) -> str:
@@ -143,6 +143,12 @@ def goal_of(learned: LearnedSkill, goal: int | Array | None) -> int | None:
 def stored_settings(learned: LearnedSkill, law: str) -> dict[str, Any]:
     """Settings that were stored with the skill, if they are of this law."""
     return dict(learned.settings) if learned.law == law else {}
+
+
+def _made_for(skill: Skill, axes: tuple[str, ...], dt: float) -> Skill:
+    """`skill` with the axes and the period that it was made for, which the loop compares with the plant's."""
+    skill.axes, skill.dt = tuple(axes), dt  # type: ignore[attr-defined]
+    return skill
 
 
 def _stated(envelope: bool | Limits) -> Limits | None:

@@ -51,6 +51,7 @@ typedef struct {
 #define SWING_S 0.1
 #define QUIET_S 0.5
 #define LIGHT_N 0.5
+#define HANGS_N 4.0
 #define ALONE_SHARE 0.35
 #define PULLS 0.3
 #define LACK_PEAK_S 4.0
@@ -62,7 +63,7 @@ typedef struct {
 #define LIVELY 8
 #define FINE 0.25
 #define SUNK 0.9
-#define SINKS_S 1.0
+#define SINKS_S 0.6
 #define CREEP_M_S 0.025
 #define SINK_M_S2 1.0
 #define SAME_SAMPLE 1e-3
@@ -172,7 +173,7 @@ static int partner_holds(const Envelope *e, Ledger *l, double speed, const doubl
     const double load = load_of(l, d);
     Axes slow;
     int alone = 0;
-    *measured = load > LIGHT_N && n + !full == e->most_pulls;
+    *measured = load > HANGS_N && n + !full == e->most_pulls;
     if (*measured) {
         const double *first = l->n_before == e->most_before ? e->before + (e->most_before > 1 ? d : 0) : e->before;
         for (int i = 0; i < d; i++) {

@@ -29,9 +29,10 @@ BLOCKS: dict[str, tuple[str, ...]] = {
     ),  # what a plant shows of each axis, the first numbers of C's End
     "law": (
         "virtual_mass_kg", "moving_damping_ns_per_m", "resting_damping_ns_per_m", "moving_speed_m_per_s", "dead_zone_n",
-        "anticipation", "anticipation_s", "attraction_per_s", "start_delay_s", "comfortable_n", "yield_gain_per_n",
+        "anticipation", "anticipation_s", "foresight", "attraction_per_s", "start_delay_s", "comfortable_n", "yield_gain_per_n",
         "slowest_clock", "patience_s", "reach_m", "max_acceleration_m_per_s2", "shake_hz", "shake_n",
-        "shake_damping_ns_per_m_per_n", "shake_memory_s", "shake_growth_per_s", "lead_s",
+        "shake_damping_ns_per_m_per_n", "shake_memory_s", "shake_growth_per_s", "grip_hz", "grip_n",
+        "grip_mass_kg_per_n", "lead_s",
     ),  # fields of skills.collaborate.CollaborativeLaw
     "policy": (
         "insist_n", "insist_ns_per_m", "ahead_n", "insist_s", "held_m_per_s", "resting_n", "resting_m_per_s",

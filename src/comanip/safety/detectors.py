@@ -22,6 +22,7 @@ QUIET_S = 0.5  # over which a force's ordinary change from sample to sample is k
 SAME = (0.7, 1.3)  # a zero that moved stays where it is: so much of the jump is still there afterwards
 ANSWER_N = 0.7  # by which the softest arm's pull changes within the 1.6 cm that a hand gives way, 60 N/m
 LIGHT_N = 0.5  # a share that weighs less says nothing
+HANGS_N = 4.0  # below this a partner's arm, dragged along at 0.1 m/s, pulls as much as the object weighs: only what sinks tells
 ALONE_SHARE = 0.35  # of its share: within this of carrying all alone, where that is less than `alone_n`
 LACKS = (0.02, 0.12)  # of his share: who carries less by so much begins to count as letting go, and counts wholly;
 TURNS = (0.15, 0.3)  # so long after the hand went up as fast as this, he may be turning back
@@ -78,7 +79,7 @@ class LetGo:
     def step(self, speed: float, period: float) -> bool:
         load = self.load
         alone = False
-        if load > LIGHT_N and len(self._pulls) == self._pulls.maxlen:
+        if load > HANGS_N and len(self._pulls) == self._pulls.maxlen:
             pull, slow = _mean([*self._pulls][-self._swing :]), _mean(self._pulls)
             self._before.append(pull)
             near = min(self._alone_n, ALONE_SHARE * load)

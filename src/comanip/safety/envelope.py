@@ -37,7 +37,6 @@ from .situation import BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation
 
 NAMES = ("RUN", "COMPLY", "HOLD")
 SAME_SAMPLE = 1e-3  # of a period: a stamp that advances by less is the same sample again, and its clock is not believed
-EDGE_M = 0.01  # nearer than this to a wall it is said
 ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
 
 
@@ -78,7 +77,7 @@ class Envelope(Situation, Bounds):
         self._inner = Command(d)
         self._frozen: dict[str, Array] | None = None
         self._ordinary: Any = None  # Ordinary, where it was compiled
-        self._is_lent = False
+        self._is_lent = self._ran = False
         self._restart(0.0, [0.0] * d)
         self._fault("not started")
         if kernels.native is not None and d <= MOST_AXES:
@@ -92,6 +91,16 @@ class Envelope(Situation, Bounds):
                 self._take_back()
                 return getattr(self, name)
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes that it was made for; the loop compares them with the plant's."""
+        return self._axes
+
+    @property
+    def dt(self) -> float:
+        """The period that it was made for [s]; the loop compares it with the plant's."""
+        return self._dt
 
     @property
     def mode(self) -> str:
@@ -126,25 +135,11 @@ class Envelope(Situation, Bounds):
         said = [self.skill.notice, *self._flags()]
         return "; ".join(s for s in said if s)
 
-    def _flags(self) -> list[str]:
-        flags, limits = [], self.limits
-        if self._shaking.amplitude > limits.shake_n:
-            flags.append(f"shaking, {self._shaking.amplitude:.0f} N")
-        felt = [length(self._felt) if self._rest_s > 2.0 else 0.0, length(self._at_first)]
-        if max(felt) > limits.tare_n:
-            flags.append(f"felt {max(felt):.1f} N at rest: wrong mass? tare")
-        for name, x, (low, high) in zip(self._axes, self._at, self._walls, strict=True):
-            if min(x - low, high - x) < EDGE_M:
-                flags.append(f"at the edge of the workspace: {name} {x:.2f} m of {low:.2f} to {high:.2f} m")
-        if self._energy / limits.force_limit_n <= self.limits.a_max_m_per_s2 * self._late**2 / 8.0:
-            flags.append("energy budget used up: re-arm")
-        return flags
-
     # starting, and starting again
 
     def reset(self, obs: Observation) -> None:
         """As the loop's start: like re-arming, but what refuses it is a HOLD."""
-        refused = self._begin(obs)
+        refused = self._begin(obs, resumes=False)
         if refused:
             self._fault(refused)
 
@@ -159,7 +154,7 @@ class Envelope(Situation, Bounds):
         fastest = length(self._v)
         if measured > self.limits.rest_m_per_s or fastest > (self.limits.moving_m_per_s if self._state == RUN else 0.0):
             return f"in motion: {max(measured, fastest):.2g} m/s"
-        return problem or self._begin(obs)
+        return problem or self._begin(obs, resumes=self._ran)
 
     def _still_there(self, obs: Observation) -> str:
         """What it must not start under: a hand that is pulled, a sensor that stands still yet."""
@@ -183,7 +178,13 @@ class Envelope(Situation, Bounds):
         self._confidence[0] = 0.0
         return ""
 
-    def _begin(self, obs: Observation) -> str:
+    def _enter(self, obs: Observation, resumes: bool) -> None:
+        """The skill from rest where the arm is; `resumes`: in the part of the task in which it was, if it knows how to."""
+        begin = getattr(self.skill, "resume", self.skill.reset) if resumes else self.skill.reset
+        begin(obs)
+        self._ran = True
+
+    def _begin(self, obs: Observation, *, resumes: bool) -> str:
         try:
             time, position = float(obs.time), [float(x) for x in obs.position]
             problem = self._problem(obs)
@@ -195,7 +196,7 @@ class Envelope(Situation, Bounds):
             return problem
         self._restart(time, position)
         try:
-            self.skill.reset(obs)
+            self._enter(obs, resumes)
         except Exception as error:
             self._fault(f"policy: {error!r}")
         return self._reason
@@ -332,7 +333,8 @@ class Envelope(Situation, Bounds):
         verdict = self._checker.judge(period, velocity, late)
         if verdict:
             self._fault(f"checker: {verdict}")
-        passed = self._state == RUN and fresh and velocity == self._asked
+        # a faded velocity does not go with the position that the skill wishes: who follows positions would go the whole way
+        passed = self._state == RUN and fresh and velocity == self._inner.velocity.tolist()
         if period > 0.0:
             self._rate = [(new - old) / period for new, old in zip(velocity, self._v, strict=True)]
         self._v = velocity
@@ -396,17 +398,10 @@ class Envelope(Situation, Bounds):
             self._force = force
             at_rest = length(self._v) < limits.moving_m_per_s
             self._let_go.weigh(raw, force, self._rate, at_rest and length(force) < limits.tare_n)
+            if self._let_go.load > limits.load_n:
+                self._fault(f"the object weighs {self._let_go.load:.0f} N on this hand > {limits.load_n:g} N: too heavy to carry")
             if jump := self._jump.step(raw, at_rest, period):
                 self._pause(f"force jumped {jump:.1f} N at rest: sensor? tare, then re-arm", 0.5 * jump)
-
-    def _readings(self, raw: list[float], force: list[float]) -> list[float]:
-        """What the sensor says; where it never says anything, the force. A reading that is missing is the last one again."""
-        readings = []
-        for i, (reading, f) in enumerate(zip(raw, force, strict=True)):
-            if reading == reading:
-                self._senses[i] = 1.0
-            readings.append(reading if reading == reading else self._stuck.last[i] if self._senses[i] else f)
-        return readings
 
     def _book(self, period: float, late: bool) -> None:
         """Where the last command led, and what it cost at worst."""

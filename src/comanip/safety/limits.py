@@ -41,12 +41,13 @@ class Limits:
     blocked_s: float = 0.03  # sooner by as much as it is more: a hand at 0.5 m/s presses 12 N more into a wall with every 10 ms
     impact_s: float = 0.2  # so long after, the force may pass its limit while it gives way: a HOLD would keep pressing
     impact_n: float = 180.0
+    load_n: float = 22.0  # the hand's share of the object, 4.5 kg for two: beyond it the default law shakes with many people
     alone_n: float = 2.2  # within this, and a third of its share, of carrying the whole object alone, the partner's end is free
     alone_s: float = 0.15
     steady_n_s: float = 8.0  # and the pull changes no faster, as it does where somebody, or a wall, answers the hand's motion
     stands_m_per_s: float = 0.06
     feel_s: float = 0.25  # a hand that stands gives way so long first: a wall lets it, and is then no more felt
-    sink_m: float = 0.03  # so far down at most while the partner carries less than most of his share
+    sink_m: float = 0.022  # so far down at most while the partner carries less than most of his share
     pushed_n: float = 10.0  # nobody leads with more than this for long; under a law that yields, `LED_N`:
     pushed_j: float = 0.25  # so much work beyond it is a sensor that lies, or a weight
     let_go_n: float = 0.3  # less than this is nobody, where the object weighs nothing along the axes

@@ -6,7 +6,7 @@ from typing import Any
 
 from ..interfaces import Observation
 from ..signals.vectors import dot, length
-from .detectors import LIGHT_N, Pushed, Sinking
+from .detectors import HANGS_N, LIGHT_N, Pushed, Sinking
 
 RUN, COMPLY, HOLD = 0, 1, 2
 GONE = "let go: the hand carries the whole object"
@@ -14,8 +14,9 @@ SINKS = "let go or loaded: more hangs on the hand than its share"
 STUCK = "force stuck"
 PUSHED = "pushed along with {:.0f} N: sensor, or a weight on it?"
 BLOCKED, LOST = "blocked", "let go"
+EDGE_M = 0.01  # nearer than this to a wall it is said
 SUNK = 0.9  # of what it may sink; nearer to its end it only creeps
-SINKS_S = 1.0  # it creeps at the end of what it may sink, and nobody answers, carries or pulls harder
+SINKS_S = 0.6  # it creeps at the end of what it may sink, and nobody answers, carries or pulls harder
 AGAIN_S = 8.0  # the longest wait before it tries again whether what blocked it has gone
 
 
@@ -110,7 +111,8 @@ class Situation:
         """Goes on by itself, faded in, when the force that stopped it is over for a while."""
         limits, load = self.limits, self._let_go.load
         still = dot(self._force, self._cause) / max(length(self._cause), 1e-9)  # of the force that stopped it
-        over = still < min(limits.pull_n, self._bound, 0.5 * load if load > LIGHT_N else limits.pull_n)
+        weighs = load > (LIGHT_N if self._reason in (GONE, SINKS) else HANGS_N)
+        over = still < min(limits.pull_n, self._bound, 0.5 * load if weighs else limits.pull_n)
         if self._reason == LOST:
             over = length(self._force) > 3.0 * limits.let_go_n
         self._passed_s = self._passed_s + period if over and self._known and self._feels_s <= 0.0 else 0.0
@@ -120,7 +122,7 @@ class Situation:
             return
         reason = self._reason
         try:
-            self.skill.reset(obs)
+            self._enter(obs, True)
         except Exception as error:
             self._fault(f"policy: {error!r}")
             return
@@ -137,3 +139,27 @@ class Situation:
         self._pushed = Pushed(self.limits.pushed_n)
         self._sinks_s = self._blocked_ns = 0.0
         self._wanted = [0.0] * self._d
+
+    def _flags(self: Any) -> list[str]:
+        """What the person should know while all goes on."""
+        flags, limits = [], self.limits
+        if self._shaking.amplitude > limits.shake_n:
+            flags.append(f"shaking, {self._shaking.amplitude:.0f} N")
+        felt = [length(self._felt) if self._rest_s > 2.0 else 0.0, length(self._at_first)]
+        if max(felt) > limits.tare_n:
+            flags.append(f"felt {max(felt):.1f} N at rest: wrong mass? tare")
+        for name, x, (low, high) in zip(self._axes, self._at, self._walls, strict=True):
+            if min(x - low, high - x) < EDGE_M:
+                flags.append(f"at the edge of the workspace: {name} {x:.2f} m of {low:.2f} to {high:.2f} m")
+        if self._energy / limits.force_limit_n <= self.limits.a_max_m_per_s2 * self._late**2 / 8.0:
+            flags.append("energy budget used up: re-arm")
+        return flags
+
+    def _readings(self: Any, raw: list[float], force: list[float]) -> list[float]:
+        """What the sensor says; where it never says anything, the force. A reading that is missing is the last one again."""
+        readings = []
+        for i, (reading, f) in enumerate(zip(raw, force, strict=True)):
+            if reading == reading:
+                self._senses[i] = 1.0
+            readings.append(reading if reading == reading else self._stuck.last[i] if self._senses[i] else f)
+        return readings

@@ -295,6 +295,7 @@ class RoleSkill:
 
     def _enter(self, obs: Observation, last_s: float | None) -> None:
         goal = self._goal if last_s is not None else self._told or 0
+        led = last_s is not None and self._state == LEADS  # who led goes on leading
         self._watch.reset()
         if self.evidence is not None:
             self.evidence.reset()
@@ -305,7 +306,7 @@ class RoleSkill:
         self._where.reset(self._position, goal, entry_s)
         self._pace.start(entry_s[goal], self._position, goal=goal, waits_s=self._pace.law.start_delay_s)
         self._phase[0] = entry_s[goal]
-        self._state = LEADS if self._told_to_lead else FOLLOWS
+        self._state = LEADS if self._told_to_lead or led else FOLLOWS
         self._gives, self._answers = False, 0
         self._place: Array | None = None  # where an offer was begun, or answered
         self._gave_way = self._put_back = False
