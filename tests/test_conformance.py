@@ -64,7 +64,7 @@ def test_plants(name):
     for _ in range(2):
         plant.reset()
         rows, shapes = [], {n: a.shape for n, (a, _) in plant.channels.items()}
-        for n in range(60):
+        for _ in range(60):
             plant.read(obs)
             command.velocity[:] = 0.05
             plant.write(command)
