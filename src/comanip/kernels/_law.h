@@ -63,6 +63,7 @@ enum { AT_PHASE, SPACING, DOUBT, BREADTH, LOG_BREADTH, STATION };               
 #define WHERE_GATE 10.0
 #define ASTRAY 1e-6
 #define WHERE_SLIPS 0.1
+#define LATEST 1.8
 
 static double least(double a, double b) { return b < a ? b : a; }
 static double most(double a, double b) { return b > a ? b : a; }
@@ -191,6 +192,12 @@ static void locate(Law *l, const double *position, const double *velocity) {
 static double left_of(double u) { return 1.0 - u * u * u * (10.0 + u * (-15.0 + 6.0 * u)); }
 static double leaving(double u) { return -(u * u * (30.0 + u * (-60.0 + 30.0 * u))); }
 
+/* Pace._in_time */
+static double in_time(const Table *t, double s, double gone, double led_s) {
+    const double left = t->duration_s - s, left_s = LATEST * (left + gone) - led_s;
+    return left_s > left ? least(left / left_s, 1.0) : 1.0;
+}
+
 /* Pace.step */
 static void pace(Law *l, const double *x, const double *force) {
     const Numbers *law = &l->law;
@@ -209,7 +216,8 @@ static void pace(Law *l, const double *x, const double *force) {
     const double speed = length(taught, d), along = speed > 1e-6 ? dot(force, taught, d) / speed : 0.0;
     const double excess = least(along + law->comfortable, 0.0);
     c[RESISTANCE] += least(l->dt / law->patience, 1.0) * (excess - c[RESISTANCE]);
-    double rate = on_path || fades ? most(1.0 + law->yield_gain * c[RESISTANCE], law->slowest_clock) : 1.0;
+    const double slowest = most(law->slowest_clock, in_time(t, s, c[FADED], c[LED]));
+    double rate = on_path || fades ? most(1.0 + law->yield_gain * c[RESISTANCE], slowest) : 1.0;
     if (c[LED] < c[EASING]) {
         const double ease = c[LED] / c[EASING];
         rate *= ease * ease * (3.0 - 2.0 * ease);

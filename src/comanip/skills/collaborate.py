@@ -39,6 +39,7 @@ FADES_S, FADES_BELOW = 1.0, 0.7  # an offset from the path fades in so long at l
 EASES_S = 0.8  # who enters where lessons were in motion comes up to their speed in this time,
 BEGINS_S = 0.3  # and where they began, in this: what counts as motion in a lesson begins at a few per cent of its speed, not at 0
 SAID_M = 0.05  # an offset that is worth saying
+LATEST = 1.8  # times as long as taught a leader may take: long motions at the slowest clock would outlast the partner's patience
 
 
 @dataclass(frozen=True)
@@ -196,7 +197,8 @@ class Pace:
         along = dot(force.tolist(), velocity) / speed if speed > 1e-6 else 0.0
         excess = min(along + law.comfortable_n, 0.0)
         resistance += min(self._dt / law.patience_s, 1.0) * (excess - resistance)
-        rate = max(1.0 + law.yield_gain_per_n * resistance, law.slowest_clock) if on_path or fades else 1.0
+        slowest = max(law.slowest_clock, self._in_time(s, faded, led_s))
+        rate = max(1.0 + law.yield_gain_per_n * resistance, slowest) if on_path or fades else 1.0
         if led_s < easing_s:
             ease = led_s / easing_s
             rate *= ease * ease * (3.0 - 2.0 * ease)
@@ -213,6 +215,12 @@ class Pace:
         for i, v in enumerate(velocity):
             self.expected[i] = rate * felt[i]
             self.velocity[i] = rate * v + law.attraction_per_s * (error[i] * share)
+
+    def _in_time(self, s: float, gone: float, led_s: float) -> float:
+        """The clock that, kept from here on, ends the motion `LATEST` times as late as taught; kept from the start it stays."""
+        left = self.reference.duration_s - s
+        left_s = LATEST * (left + gone) - led_s
+        return min(left / left_s, 1.0) if left_s > left else 1.0
 
     def _bound(self, error: list[float]) -> float:
         """The attractor never asks for more than the taught top speed, however far away it starts."""
