@@ -46,7 +46,7 @@ typedef struct {
     Bank bank;
     Table *tables;
     Where where;
-    double *compliance, *slow, *shake, *went_on;  /* Compliance.memory */
+    double *compliance, *slow, *slower, *shake, *went_on; /* Compliance.memory */
     double *expected, *wanted, *offset, *clock;   /* Pace.memory */
     double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock, *rest_s, *moved, *against_s,
         *held_s, *told;                           /* of the skill */
@@ -55,7 +55,7 @@ typedef struct {
     const Level *level;
 } Law;
 
-enum { PHASE, RATE, RESISTANCE, WAITS, FADED, FADING, LED, EASING, GOAL, CLOCKS }; /* Pace.clock */
+enum { PHASE, RATE, RESISTANCE, WAITS, FADED, FADING, LED, EASING, GOAL, GOING, CLOCKS }; /* Pace.clock */
 enum { AT_PHASE, SPACING, DOUBT, BREADTH, LOG_BREADTH, STATION };                 /* Whereabouts.stations, after 3 d vectors */
 #define ABSURD 1e6 /* no robot is so far away, so fast or so strong, in any unit */
 #define WHERE_PERIOD 0.02
@@ -223,6 +223,7 @@ static void pace(Law *l, const double *x, const double *force) {
         rate *= ease * ease * (3.0 - 2.0 * ease);
     }
     if (speed > t->top_speed) rate *= t->top_speed / speed;
+    c[GOING] = rate * speed;
     for (int i = 0; i < d; i++) error[i] = target[i] - x[i];
     const double on = begun ? l->dt * rate : 0.0;
     c[RATE] = rate;
@@ -262,15 +263,17 @@ static void anticipate(Law *l, const double *x, const double *force, double *for
     for (int i = 0; i < d; i++) foreseen[i] = agreement * foreseen[i];
 }
 
-/* Compliance.step */
-static void comply(Law *l, const Numbers *law, const double *excess, const double *reference, const double *feedforward) {
+/* Compliance.step; `moving` is the larger of the compliance's speed and the reference's, or what `at_least_going` says */
+static void comply(Law *l, const Numbers *law, const double *excess, double moving, const double *feedforward) {
     const int d = l->d;
     const double keep_slow = 1.0 - exp(-2.0 * PI * law->shake_hz * l->dt);
-    const double speed = most(length(l->compliance, d), length(reference, d)), rest = 1.0 - least(speed / law->moving_speed, 1.0);
+    const double rest = 1.0 - least(moving / law->moving_speed, 1.0);
     double damping = law->moving_damping + rest * rest * (law->resting_damping - law->moving_damping), apart[MOST_AXES];
     for (int i = 0; i < d; i++) {
         l->slow[i] += keep_slow * (excess[i] - l->slow[i]);
-        apart[i] = excess[i] - l->slow[i];
+        const double quick = excess[i] - l->slow[i];
+        l->slower[i] += keep_slow * (quick - l->slower[i]);
+        apart[i] = quick - l->slower[i];
     }
     const double fast = least(length(apart, d), ABSURD);
     *l->shake += l->keep_shake * (fast - *l->shake);
@@ -319,9 +322,16 @@ static int follow(Law *l, const double *x, const double *force, double *const ou
     memcpy(l->position, x, sizeof(double) * l->d);
     if (anticipates) anticipate(l, x, force, foreseen);
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->shown_expected[i];
-    comply(l, &l->law, excess, nothing, foreseen);
+    comply(l, &l->law, excess, length(l->compliance, l->d), foreseen);
     send(l, &l->law, x, nothing, out);
     return 1;
+}
+
+/* How fast the hand of a leader goes, or its reference by itself */
+static double at_least_going(const Law *l) {
+    double both[MOST_AXES];
+    for (int i = 0; i < l->d; i++) both[i] = l->compliance[i] + l->wanted[i];
+    return most(length(both, l->d), l->clock[GOING]);
 }
 
 /* CollaborativeSkill._lead, and what follows it */
@@ -333,7 +343,7 @@ static void lead_there(Law *l, const double *x, const double *force, double *con
     memcpy(l->shown_clock, l->clock, sizeof(double) * 2);
     memcpy(l->shown_expected, l->expected, sizeof(double) * l->d);
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->expected[i];
-    comply(l, &l->law, excess, l->wanted, nothing);
+    comply(l, &l->law, excess, at_least_going(l), nothing);
     send(l, &l->law, x, l->wanted, out);
 }
 
@@ -440,7 +450,7 @@ static int follow_on(Law *l, const double *x, const double *felt, double *const 
         if (resting && !moved) l->bias[i] += l->bias_share * pull[i];
         force[i] -= l->shown_expected[i];
     }
-    comply(l, &l->following, force, nothing, nothing);
+    comply(l, &l->following, force, length(l->compliance, d), nothing);
     send(l, &l->following, x, nothing, out);
     return 1;
 }

@@ -1093,7 +1093,7 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
 #define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
     const double *given = TAKE(numbers, 0, sizeof(Numbers) / 8), *followed = TAKE(following, 0, sizeof(Numbers) / 8);
     const double *conduct = TAKE(policy, 0, sizeof(Policy) / 8);
-    double *of_compliance = TAKE(compliance, 1, 2 * d + 2), *of_pace = TAKE(pace_memory, 1, 3 * d + CLOCKS);
+    double *of_compliance = TAKE(compliance, 1, 3 * d + 2), *of_pace = TAKE(pace_memory, 1, 3 * d + CLOCKS);
     double *of_skill = TAKE(memory, 1, 7 * d + 7);
     l->until = TAKE(until, 1, 1);
     l->seen = TAKE(seen, 1, D);
@@ -1109,7 +1109,8 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     l->keep_shake = least(dt / 0.3, 1.0);
     l->pull_share = least(dt / pull_s, 1.0);
     l->bias_share = dt / bias_s;
-    l->compliance = of_compliance, l->slow = of_compliance + d, l->shake = of_compliance + 2 * d, l->went_on = l->shake + 1;
+    l->compliance = of_compliance, l->slow = of_compliance + d, l->slower = l->slow + d, l->shake = l->slower + d;
+    l->went_on = l->shake + 1;
     double **const paces[] = {&l->expected, &l->wanted, &l->offset, &l->clock};
     double **const skills[] = {
         &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->shown_clock,

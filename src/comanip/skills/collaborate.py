@@ -90,17 +90,26 @@ class Compliance:
 
     def __init__(self, n_axes: int, dt: float) -> None:
         self._dt = dt
-        self.memory = np.zeros(2 * n_axes + 2)
-        self.velocity, self._slow = self.memory[:-2].reshape(2, n_axes)
+        self.memory = np.zeros(3 * n_axes + 2)
+        self.velocity, self._slow, self._slower = self.memory[:-2].reshape(3, n_axes)
         self._shaking = self.memory[-2:]  # its mean size, and how long it has gone on
 
     def reset(self) -> None:
         self.memory[:] = 0.0
 
-    def step(self, law: CollaborativeLaw, excess: Array, reference: Array, feedforward: Array) -> None:
-        """Damping is implicit, so any value is stable by itself at any dt. Speed, dead zone and shaking are of vectors."""
+    def step(
+        self, law: CollaborativeLaw, excess: Array, reference: Array, feedforward: Array, going: float | None = None
+    ) -> None:
+        """Damping is implicit, so any value is stable by itself at any dt. Speed, dead zone and shaking are of vectors.
+
+        going   [m/s] how fast the task goes on by itself here, where that is known: the hand rests where it does not, and moves
+                neither. An attraction that a force keeps in balance is rest, although both are large
+        """
         c, off = self.velocity.tolist(), excess.tolist()
-        speed = max(length(c), length(reference.tolist()))
+        if going is None:
+            speed = max(length(c), length(reference.tolist()))
+        else:
+            speed = max(length([a + b for a, b in zip(c, reference.tolist(), strict=True)]), going)
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest * rest * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
         damping += self._against_shaking(law, off)
@@ -117,17 +126,20 @@ class Compliance:
         stable if B + D > tau K. So a stiff partner needs D, and only such a partner.
         """
         keep = 1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)
+        # twice: of a stroke of 0.6 Hz one such filter leaves a quarter, and damps the task; two leave a twentieth
         slow = [slow + keep * (f - slow) for f, slow in zip(excess, self._slow.tolist(), strict=True)]
-        fast = min(length([f - s for f, s in zip(excess, slow, strict=True)]), ABSURD)
+        quick = [f - s for f, s in zip(excess, slow, strict=True)]
+        slower = [slow + keep * (f - slow) for f, slow in zip(quick, self._slower.tolist(), strict=True)]
+        fast = min(length([f - s for f, s in zip(quick, slower, strict=True)]), ABSURD)
         shake, went_on = self._shaking.tolist()
         shake += min(self._dt / 0.3, 1.0) * (fast - shake)
         amplitude = max(1.57 * shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
         went_on += self._dt * (law.shake_growth_per_s * amplitude - went_on / law.shake_memory_s)
-        self._slow[:], self._shaking[:] = slow, (shake, went_on)
+        self._slow[:], self._slower[:], self._shaking[:] = slow, slower, (shake, went_on)
         return law.shake_damping_ns_per_m_per_n * (amplitude + went_on)
 
 
-PHASE_S, RATE, RESISTANCE, WAITS_S, FADED, FADING_S, LED_S, EASING_S, GOAL = range(9)  # Pace.clock
+PHASE_S, RATE, RESISTANCE, WAITS_S, FADED, FADING_S, LED_S, EASING_S, GOAL, GOING = range(10)  # Pace.clock
 
 
 class Pace:
@@ -145,9 +157,9 @@ class Pace:
         self.references = (references,) if isinstance(references, PhaseReference) else tuple(references)
         self.law, self._dt = law, dt
         d = self.references[0].position.shape[1]
-        self.memory = np.zeros(3 * d + 9)
-        self.expected, self.velocity, self._offset = self.memory[:-9].reshape(3, d)
-        self.clock = self.memory[-9:]
+        self.memory = np.zeros(3 * d + 10)
+        self.expected, self.velocity, self._offset = self.memory[:-10].reshape(3, d)
+        self.clock = self.memory[-10:]
 
     def start(self, phase: float, position: Array, *, goal: int = 0, waits_s: float = 0.0, eases: bool = True) -> None:
         """At `position` (d,); in `waits_s` [s] it goes on from `phase` [s] of the reference to `goal`; from rest it eases in."""
@@ -158,7 +170,7 @@ class Pace:
         self.memory[:] = 0.0
         self._offset[:] = offset
         easing_s = 0.0 if not eases else EASES_S if phase > 0.0 else BEGINS_S
-        self.clock[:] = phase, 1.0 if waits_s > 0.0 else 0.0, 0.0, waits_s, 0.0, fading_s, 0.0, easing_s, goal
+        self.clock[:] = phase, 1.0 if waits_s > 0.0 else 0.0, 0.0, waits_s, 0.0, fading_s, 0.0, easing_s, goal, 0.0
 
     @property
     def reference(self) -> PhaseReference:
@@ -173,6 +185,11 @@ class Pace:
         return float(self.clock[RATE])
 
     @property
+    def going(self) -> float:
+        """How fast the reference moves by itself [m/s], without what pulls to it."""
+        return float(self.clock[GOING])
+
+    @property
     def ended(self) -> bool:
         return self.phase >= self.reference.duration_s
 
@@ -184,7 +201,7 @@ class Pace:
 
     def step(self, x: Array, force: Array) -> None:
         law, reference = self.law, self.reference
-        s, rate, resistance, waits_s, faded, fading_s, led_s, easing_s, goal = self.clock.tolist()
+        s, rate, resistance, waits_s, faded, fading_s, led_s, easing_s, goal, _ = self.clock.tolist()
         begun = waits_s <= 0.0
         on_path, fades = begun and s < reference.duration_s, begun and faded < fading_s
         left = _left(faded / fading_s) if faded < fading_s else 0.0
@@ -210,7 +227,7 @@ class Pace:
         on = self._dt * rate if begun else 0.0
         s, faded, led_s = min(s + on, reference.duration_s), faded + on, led_s + (self._dt if begun else 0.0)
         waits_s = max(waits_s - self._dt, 0.0)
-        self.clock[:] = s, rate, resistance, waits_s, faded, fading_s, led_s, easing_s, goal
+        self.clock[:] = s, rate, resistance, waits_s, faded, fading_s, led_s, easing_s, goal, rate * speed
         share = self._bound(error)
         for i, v in enumerate(velocity):
             self.expected[i] = rate * felt[i]
@@ -362,13 +379,15 @@ class CollaborativeSkill:
         force = obs.force if _finite(obs.force) else np.where(np.isfinite(obs.force), obs.force, 0.0)
         self._position[:] = x
         self._watch.step(x, obs.force)
+        going = None
         if self._complies_only:
             feedforward, reference = self._nothing, self._nothing
         elif self.role == "leader":
             feedforward, reference = self._nothing, self._lead(x, force)
+            going = self._pace.going
         else:
             feedforward, reference = self._anticipate(x, force), self._nothing
-        self._compliance.step(self.law, force - self._expected, reference, feedforward)
+        self._compliance.step(self.law, force - self._expected, reference, feedforward, going)
         command_velocity(self.law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
     def _lead(self, x: Array, force: Array) -> Array:

@@ -353,7 +353,8 @@ class RoleSkill:
         if a > 0.0:
             reference = self._led(x, force)
         law = self._offering if self._state == PROBES and self._gives else self._laws[round(50 * a)]
-        self._compliance.step(law, force - self._expected, reference, self._nothing)
+        going = self._meant * self._pace.going if self._state == LEADS else None
+        self._compliance.step(law, force - self._expected, reference, self._nothing, going)
         command_velocity(law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
     def _blended(self) -> float:
