@@ -33,7 +33,7 @@ def make_skill(
 ) -> Skill:
     """The skill that runs `learned` on a robot with these axes and control period [s].
 
-    law       "default" or "paper"; None takes the skill's own, with its stored settings
+    law       "default", "lqt" (the same, but firm where lessons agreed and compliant where they differed) or "paper"; None takes the skill's own, with its stored settings
     role      only for a skill that states none; another role than the stated is a MismatchError
     envelope  the safety envelope around it (docs/safety.md): on, with walls and speed as taught; off; or on with these Limits,
               with walls as taught where they state none
@@ -46,7 +46,7 @@ def make_skill(
     skill = _law(learned, axes=axes, dt=dt, law=law, role=role, gives_way=gives_way, goal=goal, settings=settings)
     if envelope is False:
         return skill
-    yields = (law or learned.law) == "default"
+    yields = (law or learned.law) != "paper"
     return enveloped(skill, [learned], axes=axes, dt=dt, limits=_stated(envelope), yields=yields)
 
 
@@ -63,7 +63,7 @@ def make_auto(
     """A skill that finds out by itself whether to lead or to follow. Settings stored with the skills count, each for its role.
 
     learned   by role: "leader" and "follower", and "natural" if there are such lessons
-    law       "default", the only one that can do without being told; None takes the skills' own, and refuses "paper"
+    law       "default" or "lqt", the only ones that can do without being told; None takes the skills' own, and refuses "paper"
     policy    when it takes over and gives way; default: `skills.roles.RolePolicy.taught`, as patient as lessons ask
     goal      as for `make_skill`
     """
@@ -76,19 +76,25 @@ def make_auto(
         check_fits(one, axes=axes, dt=dt)
     chosen = {role: law or learned[role].law for role in ("leader", "follower")}
     for role, name in chosen.items():
-        if name != "default":
+        if name not in ("default", "lqt"):
             whose = "" if law else f" (the {role}'s skill was learned for it)"
-            raise ParameterError(f"law {name!r} has to be told its role{whose}; role 'auto' works with law 'default'")
-    laws = {role: CollaborativeLaw.for_role(role, **_stored(learned[role], "default")) for role in chosen}
+            raise ParameterError(f"law {name!r} has to be told its role{whose}; role 'auto' works with law 'default' or 'lqt'")
+    laws = {role: CollaborativeLaw.for_role(role, **_stored(learned[role], name)) for role, name in chosen.items()}
     models = {role: learned[role].model for role in ("leader", "follower", "natural") if role in learned}
     evidence = RoleEvidence(models, dt=learned["leader"].dt)
     policy = policy or RolePolicy.taught(references_of(learned["leader"]), learned["follower"].onsets_s)
     skill = _role_skill(
-        learned["leader"], laws["leader"], axes, dt, following=laws["follower"], evidence=evidence, policy=policy, goal=goal
+        learned["leader"], chosen["leader"], laws["leader"], axes, dt, following=laws["follower"], evidence=evidence, policy=policy, goal=goal
     )
     if envelope is False:
         return skill
     return enveloped(skill, list(learned.values()), axes=axes, dt=dt, limits=_stated(envelope), yields=True)
+
+
+def _tracked(learned: LearnedSkill, law: str, attraction_per_s: float) -> tuple[PhaseReference, ...]:
+    """`references_of`, and under law "lqt" how firmly each is tracked where."""
+    references = references_of(learned)
+    return tuple(r.tracked(attraction_per_s) for r in references) if law == "lqt" else references
 
 
 def references_of(learned: LearnedSkill) -> tuple[PhaseReference, ...]:
@@ -124,6 +130,7 @@ def _stored(learned: LearnedSkill, law: str) -> dict[str, Any]:
 
 def _role_skill(
     learned: LearnedSkill,
+    name: str,
     law: CollaborativeLaw,
     axes: tuple[str, ...],
     dt: float,
@@ -136,7 +143,7 @@ def _role_skill(
     from .skills.collaborate import CollaborativeLaw, Watch
     from .skills.roles import RolePolicy, RoleSkill
 
-    references = references_of(learned)
+    references = _tracked(learned, name, law.attraction_per_s)
     return RoleSkill(
         Watch(learned.model, learned.dt, dt),
         references,
@@ -196,10 +203,10 @@ def _law(
     role = role or learned.role
     compliant = CollaborativeLaw.for_role(role, **settings)
     if role == "leader" and gives_way:
-        return _role_skill(learned, compliant, axes, dt, goal=goal, leads=True)
+        return _role_skill(learned, law, compliant, axes, dt, goal=goal, leads=True)
     return CollaborativeSkill(
         learned.model,
-        references_of(learned),
+        _tracked(learned, law, compliant.attraction_per_s),
         role=role,
         axes=axes,
         dt=dt,

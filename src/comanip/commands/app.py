@@ -33,7 +33,7 @@ Overwrite = Annotated[
 ]
 Out = Annotated[Path, Parameter(name=["--out", "-o"])]
 Plant = Annotated[Literal["beam", "humanoid"], Parameter(help="beam: exact and fast; humanoid: in physics, needs mujoco.")]
-Law = Literal["default", "paper"]
+Law = Literal["default", "lqt", "paper"]
 
 
 def main() -> None:

@@ -70,7 +70,7 @@ class LearnFlags:
     """How a skill is learned."""
 
     states: Annotated[str, Parameter(help="Number of states K; 'auto' chooses by cross-validation; default 10 (paper: 5).")] = ""
-    law: Annotated[Literal["default", "paper"], Parameter(help="The law that will run the skill.")] = "default"
+    law: Annotated[Literal["default", "lqt", "paper"], Parameter(help="The law that will run the skill.")] = "default"
     topology: Annotated[Literal["left-right", "cyclic", "free"], Parameter(help="Which transitions exist.")] = "left-right"
     restarts: Annotated[int, Parameter(help="Attempts from different first guesses; the most likely model wins.")] = 1
     seed: Annotated[int, Parameter(help="Of the random first guesses.")] = 0

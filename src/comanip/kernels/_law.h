@@ -25,10 +25,10 @@ typedef struct { /* RoleEvidence */
 
 enum { BANK_DT, BANK_CHANGE, BANK_MEMORY, BANK_GATE };
 
-typedef struct { /* PhaseReference: one goal's path, (rows, d) each; way (rows) */
+typedef struct { /* PhaseReference: one goal's path, (rows, d) each; way, gain (rows) */
     int rows;
     double step_s, duration_s, top_speed, slack;
-    const double *path, *velocity, *force, *way;
+    const double *path, *velocity, *force, *way, *gain;
 } Table;
 
 typedef struct { /* Whereabouts: `stations` rows of 3 d + 5 numbers; goal g has those from first[g] to first[g + 1] */
@@ -231,10 +231,12 @@ static void pace(Law *l, const double *x, const double *force) {
     c[FADED] += on;
     c[LED] += begun ? l->dt : 0.0;
     c[WAITS] = most(c[WAITS] - l->dt, 0.0);
-    const double asked = length(error, d) * law->attraction, share = asked > 1e-9 ? least(1.0, t->top_speed / asked) : 1.0;
+    double gain;
+    row_at(t, t->gain, 1, s, &gain);
+    const double pulls = law->attraction * gain, asked = length(error, d) * pulls, share = asked > 1e-9 ? least(1.0, t->top_speed / asked) : 1.0;
     for (int i = 0; i < d; i++) {
         l->expected[i] = rate * felt[i];
-        l->wanted[i] = rate * taught[i] + law->attraction * (error[i] * share);
+        l->wanted[i] = rate * taught[i] + pulls * (error[i] * share);
     }
 }
 
@@ -407,7 +409,8 @@ static int lead_on(Law *l, const double *x, const double *felt, double *const ou
     }
     const double along = dot(pull, l->wanted, d) / most(length(l->wanted, d), 1e-3), speed = length(l->velocity, d);
     const int against = -along > than->insist_n + than->insist_ns_per_m * speed || along > than->ahead_n;
-    const int under_way = l->clock[LED] > than->insist_s && length(l->wanted, d) > than->resting_m_per_s;
+    const double asks = l->clock[GOING] > than->resting_m_per_s ? than->resting_m_per_s : l->law.attraction * than->finished_m;
+    const int under_way = l->clock[LED] > than->insist_s && length(l->wanted, d) > asks;
     const int held = under_way && speed < than->held_m_per_s && length(pull, d) > than->resting_n;
     const double against_s = against ? *l->against_s + l->dt : 0.0, held_s = most(*l->held_s + (held ? l->dt : -l->dt), 0.0);
     if (against_s >= than->insist_s || held_s >= than->held_s || !attend(l, x, felt)) return 0;

@@ -1017,12 +1017,14 @@ static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch)
 }
 
 /* Rows of each goal's skills.reference.PhaseReference one after the other, and (rows, step_s, top_speed, slack_m) of each goal */
-static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject *force, PyObject *way, PyObject *goals) {
+static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject *force, PyObject *way, PyObject *gain,
+                       PyObject *goals) {
     Law *l = &self->law;
     const Py_ssize_t rows = count_of(way), n = count_of(goals) / 4;
     if (PyErr_Occurred()) return -1;
 #define TAKE(object, count) take(&self->arrays, object, 0, count, 8, #object)
     const double *x = TAKE(path, rows * l->d), *v = TAKE(velocity, rows * l->d), *f = TAKE(force, rows * l->d), *w = TAKE(way, rows);
+    const double *k = TAKE(gain, rows);
     const double *of_goal = TAKE(goals, n * 4);
 #undef TAKE
     if (PyErr_Occurred()) return -1;
@@ -1037,7 +1039,7 @@ static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject 
         const int some = (int)of_goal[0];
         if (some < 2 || some > rows - at) break;
         l->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3],
-                               x + at * l->d, v + at * l->d, f + at * l->d, w + at};
+                               x + at * l->d, v + at * l->d, f + at * l->d, w + at, k + at};
         at += some;
     }
     if (n > 0 && at == rows) return 0;
@@ -1075,12 +1077,12 @@ static int take_where(Laws *self, PyObject *stations, PyObject *firsts, PyObject
 
 static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
     PyObject *filter, *numbers, *following, *policy, *compliance, *pace_memory, *memory, *until, *seen, *bank;
-    PyObject *path, *velocity, *force, *way, *goal_rows, *stations, *firsts, *where, *goals;
+    PyObject *path, *velocity, *force, *way, *gain, *goal_rows, *stations, *firsts, *where, *goals;
     double dt, model_dt, pull_s, bias_s;
     int d;
     (void)keywords;
-    if (!PyArg_ParseTuple(args, "O!OOO(OOOOO)OOOOO(OOOO)iddddO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
-                          &force, &way, &goal_rows, &compliance, &pace_memory, &memory, &until, &seen, &stations, &firsts, &where, &goals, &d, &dt, &model_dt, &pull_s, &bias_s,
+    if (!PyArg_ParseTuple(args, "O!OOO(OOOOOO)OOOOO(OOOO)iddddO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
+                          &force, &way, &gain, &goal_rows, &compliance, &pace_memory, &memory, &until, &seen, &stations, &firsts, &where, &goals, &d, &dt, &model_dt, &pull_s, &bias_s,
                           &bank))
         return NULL;
     const int D = ((Filter *)filter)->tick.D;
@@ -1098,7 +1100,7 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     l->until = TAKE(until, 1, 1);
     l->seen = TAKE(seen, 1, D);
 #undef TAKE
-    if (PyErr_Occurred() || take_tables(self, path, velocity, force, way, goal_rows) < 0 || take_where(self, stations, firsts, where, goals) < 0 ||
+    if (PyErr_Occurred() || take_tables(self, path, velocity, force, way, gain, goal_rows) < 0 || take_where(self, stations, firsts, where, goals) < 0 ||
         (bank != Py_None && take_bank(self, bank, 3 * d, (Filter *)filter) < 0)) {
         Py_DecRef((PyObject *)self);
         return NULL;

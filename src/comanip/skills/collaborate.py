@@ -221,6 +221,7 @@ class Pace:
             rate *= ease * ease * (3.0 - 2.0 * ease)
         if speed > reference.top_speed:
             rate *= reference.top_speed / speed
+        gain = reference.gain_at(s)
         error = [t - p for t, p in zip(target, x.tolist(), strict=True)]
         # a person's resistance grows with speed, so at a slower pace less of it is to be expected
         felt = reference.floats_at("force", s) if begun else [0.0] * len(target)
@@ -228,10 +229,11 @@ class Pace:
         s, faded, led_s = min(s + on, reference.duration_s), faded + on, led_s + (self._dt if begun else 0.0)
         waits_s = max(waits_s - self._dt, 0.0)
         self.clock[:] = s, rate, resistance, waits_s, faded, fading_s, led_s, easing_s, goal, rate * speed
-        share = self._bound(error)
+        pulls = law.attraction_per_s * gain
+        share = self._bound(error, pulls)
         for i, v in enumerate(velocity):
             self.expected[i] = rate * felt[i]
-            self.velocity[i] = rate * v + law.attraction_per_s * (error[i] * share)
+            self.velocity[i] = rate * v + pulls * (error[i] * share)
 
     def _in_time(self, s: float, gone: float, led_s: float) -> float:
         """The clock that, kept from here on, ends the motion `LATEST` times as late as taught; kept from the start it stays."""
@@ -239,9 +241,9 @@ class Pace:
         left_s = LATEST * (left + gone) - led_s
         return min(left / left_s, 1.0) if left_s > left else 1.0
 
-    def _bound(self, error: list[float]) -> float:
+    def _bound(self, error: list[float], pulls: float) -> float:
         """The attractor never asks for more than the taught top speed, however far away it starts."""
-        asked = length(error) * self.law.attraction_per_s
+        asked = length(error) * pulls
         return min(1.0, self.reference.top_speed / asked) if asked > 1e-9 else 1.0
 
 
@@ -472,7 +474,7 @@ def compiled(
     if watch.filter.compiled is None or d > 6 or len(watch.seen) not in (d, 2 * d):
         return None
     tables = tuple(
-        np.concatenate([getattr(r, name) for r in pace.references]) for name in ("position", "velocity", "force", "way")
+        np.concatenate([getattr(r, name) for r in pace.references]) for name in ("position", "velocity", "force", "way", "gain")
     )
     goals = np.array([(len(r.way), r.step_s, r.top_speed, r.slack_m) for r in pace.references])
     return kernels.native.Law(

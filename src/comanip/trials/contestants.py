@@ -36,8 +36,8 @@ def contestant(law: str, role: str, learned: Mapping[str, LearnedSkill], *, dt: 
 def _own(law: str) -> Maker:
     def make(role: str, learned: Mapping[str, LearnedSkill], dt: float, envelope: bool) -> Skill:
         if role == "auto":
-            if law != "default":
-                raise ParameterError(f"law {law!r} has to be told its role; auto works with: default, {', '.join(_UNTOLD)}")
+            if law == "paper":
+                raise ParameterError(f"law {law!r} has to be told its role; auto works with: default, lqt, {', '.join(_UNTOLD)}")
             return make_auto(learned, axes=learned["leader"].axes, dt=dt, law=law, envelope=envelope)
         one = learned[role]
         return make_skill(one, axes=one.axes, dt=dt, law=law, role=role, envelope=envelope)
@@ -148,6 +148,7 @@ ABLATION = {  # role -> what the default law is compared with, the same law with
 }
 LAWS: dict[str, Maker] = {
     "default": _own("default"),
+    "lqt": _own("lqt"),
     "paper": _own("paper"),
     "mass-damper": _baseline(_mass_damper),
     "damping": _baseline(_damping),
