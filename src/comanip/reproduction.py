@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from .errors import MismatchError, ParameterError
 from .interfaces import Skill
 from .learned.skill import LearnedSkill, check_fits
+from .models.frames import carried
 
 if TYPE_CHECKING:
     from .interfaces import Array
@@ -28,6 +30,7 @@ def make_skill(
     role: str | None = None,
     envelope: bool | Limits = True,
     gives_way: bool = True,
+    start: Array | None = None,
     goal: int | Array | None = None,
     **settings: Any,
 ) -> Skill:
@@ -39,11 +42,14 @@ def make_skill(
               with walls as taught where they state none
     gives_way whether a leader under the default law gives way to a partner who insists; False only where nobody is: recorded
               force that is played back cannot answer
-    goal      where the lessons had several: its number as `learn` says it, from 1, or a position (d,) [m] near it;
-              None: a follower infers it, a leader takes the one of most lessons
+    start     (d,) [m] where the task now begins, None: as taught
+    goal      where the lessons had several: its number as `learn` says it, from 1; or a position (d,) [m], to which the path of
+              the nearest goal is carried (`models.frames`); None: a follower infers it, a leader takes the one of most lessons
     settings  of the law, on top of the stored ones
     """
-    skill = _law(learned, axes=axes, dt=dt, law=law, role=role, gives_way=gives_way, goal=goal, settings=settings)
+    check_fits(learned, axes=axes, dt=dt, role=role)
+    learned, which = carried_to(learned, start, goal)
+    skill = _law(learned, axes=axes, dt=dt, law=law, role=role, gives_way=gives_way, goal=which, settings=settings)
     if envelope is False:
         return skill
     yields = (law or learned.law) != "paper"
@@ -84,7 +90,7 @@ def make_auto(
     evidence = RoleEvidence(models, dt=learned["leader"].dt)
     policy = policy or RolePolicy.taught(references_of(learned["leader"]), learned["follower"].onsets_s)
     skill = _role_skill(
-        learned["leader"], chosen["leader"], laws["leader"], axes, dt, following=laws["follower"], evidence=evidence, policy=policy, goal=goal
+        learned["leader"], chosen["leader"], laws["leader"], axes, dt, following=laws["follower"], evidence=evidence, policy=policy, goal=goal_of(learned["leader"], goal)
     )
     if envelope is False:
         return skill
@@ -106,6 +112,32 @@ def references_of(learned: LearnedSkill) -> tuple[PhaseReference, ...]:
     if learned.clock is None:
         raise MismatchError("the default law needs states in order of time: learn with topology left-right")
     return (PhaseReference.learned(learned.clock, learned.ends.mean(axis=0)),)
+
+
+def carried_to(learned: LearnedSkill, start: Array | None, goal: int | Array | None) -> tuple[LearnedSkill, int | None]:
+    """The skill with its paths from `start` and to `goal`, as for `make_skill`, and the index of the path that is meant."""
+    which = goal_of(learned, goal)
+    place = None if which is None or np.ndim(goal) == 0 or not learned.paths else np.asarray(goal, dtype=float)
+    begins = None if start is None else _start_of(learned, start)
+    if place is None and begins is None:
+        return learned, which
+    if place is None:
+        paths = tuple(carried(path, begins) for path in learned.paths)
+    else:  # one goal was said: there is no other
+        assert which is not None
+        paths, which = (carried(learned.paths[which], begins, place),), 0
+    met = np.vstack([path.position for path in paths])
+    box = np.column_stack([np.minimum(learned.workspace[:, 0], met.min(0)), np.maximum(learned.workspace[:, 1], met.max(0))])
+    return replace(learned, paths=paths, ends=np.vstack([path.ends for path in paths]), workspace=box), which
+
+
+def _start_of(learned: LearnedSkill, start: Array) -> Array:
+    place = np.asarray(start, dtype=float)
+    if place.shape != (len(learned.axes),) or not np.isfinite(place).all():
+        raise ParameterError(f"a start is a position on the axes {', '.join(learned.axes)} [m]; got {start!r}")
+    if not learned.paths:
+        raise MismatchError("this skill is of a version that stores no path to carry to another start: learn it again")
+    return place
 
 
 def goal_of(learned: LearnedSkill, goal: int | Array | None) -> int | None:
@@ -135,7 +167,7 @@ def _role_skill(
     axes: tuple[str, ...],
     dt: float,
     *,
-    goal: int | Array | None,
+    goal: int | None,
     following: CollaborativeLaw | None = None,
     policy: RolePolicy | None = None,
     **about: Any,
@@ -152,7 +184,7 @@ def _role_skill(
         axes=axes,
         dt=dt,
         policy=policy or RolePolicy.taught(references, learned.onsets_s),
-        goal=goal_of(learned, goal),
+        goal=goal,
         **about,
     )
 
@@ -186,10 +218,9 @@ def _law(
     law: str | None,
     role: str | None,
     gives_way: bool,
-    goal: int | Array | None,
+    goal: int | None,
     settings: dict[str, Any],
 ) -> Skill:
-    check_fits(learned, axes=axes, dt=dt, role=role)
     law = law or learned.law
     settings = {**_stored(learned, law), **settings}
     if law == "paper":
@@ -212,5 +243,5 @@ def _law(
         dt=dt,
         model_dt=learned.dt,
         law=compliant,
-        goal=goal_of(learned, goal),
+        goal=goal,
     )
