@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from .skills.roles import RolePolicy
 
 
+RUNS = ("default", "lqt", "even", "paper")
+
+
 def make_skill(
     learned: LearnedSkill,
     *,
@@ -36,7 +39,8 @@ def make_skill(
 ) -> Skill:
     """The skill that runs `learned` on a robot with these axes and control period [s].
 
-    law       "default", "lqt" (the same, but firm where lessons agreed and compliant where they differed) or "paper"; None takes the skill's own, with its stored settings
+    law       "default", firm where lessons agreed and compliant where they differed; "lqt", the same, but refuses lessons that do
+              not say how far they differ; "even", the same, but everywhere alike; or "paper". None takes the skill's own, with its stored settings
     role      only for a skill that states none; another role than the stated is a MismatchError
     envelope  the safety envelope around it (docs/safety.md): on, with walls and speed as taught; off; or on with these Limits,
               with walls as taught where they state none
@@ -48,6 +52,8 @@ def make_skill(
     settings  of the law, on top of the stored ones
     """
     check_fits(learned, axes=axes, dt=dt, role=role)
+    if (law or learned.law) == "paper" and (start is not None or goal is not None):
+        raise ParameterError(f"law 'paper' has no {'goals' if goal is not None else 'frames'}: law 'default' has")
     learned, which = carried_to(learned, start, goal)
     skill = _law(learned, axes=axes, dt=dt, law=law, role=role, gives_way=gives_way, goal=which, settings=settings)
     if envelope is False:
@@ -69,7 +75,7 @@ def make_auto(
     """A skill that finds out by itself whether to lead or to follow. Settings stored with the skills count, each for its role.
 
     learned   by role: "leader" and "follower", and "natural" if there are such lessons
-    law       "default" or "lqt", the only ones that can do without being told; None takes the skills' own, and refuses "paper"
+    law       "default", "lqt" or "even", which can do without being told; None takes the skills' own, and refuses "paper"
     policy    when it takes over and gives way; default: `skills.roles.RolePolicy.taught`, as patient as lessons ask
     goal      as for `make_skill`
     """
@@ -82,9 +88,9 @@ def make_auto(
         check_fits(one, axes=axes, dt=dt)
     chosen = {role: law or learned[role].law for role in ("leader", "follower")}
     for role, name in chosen.items():
-        if name not in ("default", "lqt"):
+        if name == "paper":
             whose = "" if law else f" (the {role}'s skill was learned for it)"
-            raise ParameterError(f"law {name!r} has to be told its role{whose}; role 'auto' works with law 'default' or 'lqt'")
+            raise ParameterError(f"law {name!r} has to be told its role{whose}; role 'auto' works with law 'default', 'lqt' or 'even'")
     laws = {role: CollaborativeLaw.for_role(role, **_stored(learned[role], name)) for role, name in chosen.items()}
     models = {role: learned[role].model for role in ("leader", "follower", "natural") if role in learned}
     evidence = RoleEvidence(models, dt=learned["leader"].dt)
@@ -98,9 +104,11 @@ def make_auto(
 
 
 def _tracked(learned: LearnedSkill, law: str, attraction_per_s: float) -> tuple[PhaseReference, ...]:
-    """`references_of`, and under law "lqt" how firmly each is tracked where."""
+    """`references_of`, and how firmly each is tracked where: law "even" everywhere alike, as does who knows of no spread."""
     references = references_of(learned)
-    return tuple(r.tracked(attraction_per_s) for r in references) if law == "lqt" else references
+    if law == "even" or (law == "default" and not all(r.spread.any() for r in references)):
+        return references
+    return tuple(r.tracked(attraction_per_s) for r in references)
 
 
 def references_of(learned: LearnedSkill) -> tuple[PhaseReference, ...]:
@@ -222,6 +230,8 @@ def _law(
     settings: dict[str, Any],
 ) -> Skill:
     law = law or learned.law
+    if law not in RUNS:
+        raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(RUNS)}")
     settings = {**_stored(learned, law), **settings}
     if law == "paper":
         from .skills.paper import PaperSkill, law_from

@@ -275,11 +275,13 @@ static int get(Array *array, PyObject *object, int writable, Py_ssize_t count, P
     return 0;
 }
 
-enum { MOST_ARRAYS = 24 };
+enum { MOST_ARRAYS = 32 };
 typedef struct { Array at[MOST_ARRAYS]; int n; } Arrays;
 
 static void *take(Arrays *arrays, PyObject *object, int writable, Py_ssize_t count, Py_ssize_t size, const char *name) {
-    if (PyErr_Occurred() || get(&arrays->at[arrays->n], object, writable, count, size, name) < 0) return NULL;
+    if (PyErr_Occurred()) return NULL;
+    if (arrays->n == MOST_ARRAYS) return PyErr_Format(PyExc_ValueError, "more than %d arrays", MOST_ARRAYS), NULL;
+    if (get(&arrays->at[arrays->n], object, writable, count, size, name) < 0) return NULL;
     return arrays->at[arrays->n++].view.buf;
 }
 

@@ -7,11 +7,12 @@ lead, straight by minimum jerk between the lessons' ends in their time; told not
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from ..errors import ParameterError
-from ..interfaces import Skill
+from ..interfaces import Array, Skill
 from ..learned.skill import LearnedSkill
-from ..reproduction import enveloped, make_auto, make_skill, references_of
+from ..reproduction import enveloped, goal_of, make_auto, make_skill, references_of
 from ..skills.baselines import ActivePassive, Homotopy, MassDamper, MinimumJerkFollower, RigidMinimumJerk, VariableDamping
 from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill, Watch
 from ..skills.reference import PhaseReference
@@ -23,21 +24,41 @@ TUNED = {
 }  # best by success, then effort, of a grid on training partners (docs/results.md)
 
 
-def contestant(law: str, role: str, learned: Mapping[str, LearnedSkill], *, dt: float, envelope: bool = True) -> Skill:
+def contestant(
+    law: str,
+    role: str,
+    learned: Mapping[str, LearnedSkill],
+    *,
+    dt: float,
+    envelope: bool = True,
+    goal: Array | None = None,
+) -> Skill:
     """The skill that `law` stands for, told `role` ("auto": told nothing). A baseline takes from the lessons only where they end.
+
+    goal   (d,) [m] where the task is to end, for who leads: of several taught goals, baselines too take the nearest
 
     Raises ParameterError for a law that is unknown, or that cannot do without being told its role.
     """
     if law not in LAWS:
         raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
-    return LAWS[law](role, learned, dt, envelope)
+    return LAWS[law](role, learned if goal is None else _told(learned, goal), dt, envelope)
+
+
+def _told(learned: Mapping[str, LearnedSkill], goal: Array) -> Mapping[str, LearnedSkill]:
+    """The skills with the path of the goal near this place first, which is the one that is led to."""
+
+    def first(one: LearnedSkill) -> LearnedSkill:
+        n = goal_of(one, goal) or 0
+        return replace(one, paths=(*one.paths[n : n + 1], *one.paths[:n], *one.paths[n + 1 :]))
+
+    return {role: first(one) for role, one in learned.items()}
 
 
 def _own(law: str) -> Maker:
     def make(role: str, learned: Mapping[str, LearnedSkill], dt: float, envelope: bool) -> Skill:
         if role == "auto":
             if law == "paper":
-                raise ParameterError(f"law {law!r} has to be told its role; auto works with: default, lqt, {', '.join(_UNTOLD)}")
+                raise ParameterError(f"law {law!r} has to be told its role; auto works with: default, lqt, even, {', '.join(_UNTOLD)}")
             return make_auto(learned, axes=learned["leader"].axes, dt=dt, law=law, envelope=envelope)
         one = learned[role]
         return make_skill(one, axes=one.axes, dt=dt, law=law, role=role, envelope=envelope)
@@ -149,6 +170,7 @@ ABLATION = {  # role -> what the default law is compared with, the same law with
 LAWS: dict[str, Maker] = {
     "default": _own("default"),
     "lqt": _own("lqt"),
+    "even": _own("even"),
     "paper": _own("paper"),
     "mass-damper": _baseline(_mass_damper),
     "damping": _baseline(_damping),
