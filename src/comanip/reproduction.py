@@ -40,7 +40,8 @@ def make_skill(
     """The skill that runs `learned` on a robot with these axes and control period [s].
 
     law       "default", firm where lessons agreed and compliant where they differed; "lqt", the same, but refuses lessons that do
-              not say how far they differ; "even", the same, but everywhere alike; or "paper". None takes the skill's own, with its stored settings
+              not say how far they differ; "even", the same, but everywhere alike; or "paper". None takes the skill's own, with
+              its stored settings
     role      only for a skill that states none; another role than the stated is a MismatchError
     envelope  the safety envelope around it (docs/safety.md): on, with walls and speed as taught; off; or on with these Limits,
               with walls as taught where they state none
