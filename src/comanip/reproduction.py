@@ -91,17 +91,28 @@ def make_auto(
     for role, name in chosen.items():
         if name == "paper":
             whose = "" if law else f" (the {role}'s skill was learned for it)"
-            raise ParameterError(f"law {name!r} has to be told its role{whose}; role 'auto' works with law 'default', 'lqt' or 'even'")
+            raise ParameterError(
+                f"law {name!r} has to be told its role{whose}; role 'auto' works with law 'default', 'lqt' or 'even'"
+            )
     laws = {role: CollaborativeLaw.for_role(role, **_stored(learned[role], name)) for role, name in chosen.items()}
     models = {role: learned[role].model for role in ("leader", "follower", "natural") if role in learned}
     evidence = RoleEvidence(models, dt=learned["leader"].dt)
     policy = policy or RolePolicy.taught(references_of(learned["leader"]), learned["follower"].onsets_s)
+    learned_to_lead, which = carried_to(learned["leader"], None, goal)
     skill = _role_skill(
-        learned["leader"], chosen["leader"], laws["leader"], axes, dt, following=laws["follower"], evidence=evidence, policy=policy, goal=goal_of(learned["leader"], goal)
+        learned_to_lead,
+        chosen["leader"],
+        laws["leader"],
+        axes,
+        dt,
+        following=laws["follower"],
+        evidence=evidence,
+        policy=policy,
+        goal=which,
     )
     if envelope is False:
         return skill
-    return enveloped(skill, list(learned.values()), axes=axes, dt=dt, limits=_stated(envelope), yields=True)
+    return enveloped(skill, [learned_to_lead, *learned.values()], axes=axes, dt=dt, limits=_stated(envelope), yields=True)
 
 
 def _tracked(learned: LearnedSkill, law: str, attraction_per_s: float) -> tuple[PhaseReference, ...]:

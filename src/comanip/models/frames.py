@@ -3,7 +3,9 @@
 Seen from where it began, lessons of one goal agree at the start and differ at the end; seen from where it ended, the other way
 round. Both are Gaussians over phase, and linearly transformed to a new start x_s and a new goal x_g (here: moved, A = 1)
 
-    N(x_s + X(p) - X(0), S_s(p))    N(x_g + X(p) - X(1), S_g(p))        product: mean = (1 - g) first + g second,  g = S_s / (S_s + S_g)
+    N(x_s + X(p) - X(0), S_s(p))        N(x_g + X(p) - X(1), S_g(p))
+
+and the mean of their product is (1 - g) of the first + g of the second, g = S_s / (S_s + S_g).
 
 With one start and one goal as taught, that is the taught path. A path that grows longer is gone no faster than was taught.
 """

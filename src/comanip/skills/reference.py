@@ -116,7 +116,7 @@ class PhaseReference:
         Raises TrainingError where lessons do not say how far they differ.
         """
         if not self.spread.any():
-            raise TrainingError("law 'lqt' needs lessons that differ: the skill does not say how far; learn it again from several")
+            raise TrainingError("law 'lqt' needs lessons that differ, and the skill does not say how far: learn it from several")
         other = copy(self)
         other.gain = _riccati(np.maximum(self.spread, LEAST_SPREAD_M), self.step_s) / attraction_per_s
         other._gain = other.gain.tolist()

@@ -439,7 +439,8 @@ class RoleSkill:
         along, speed = float(self._pull @ wanted) / max(_length(wanted), 1e-3), _length(self._velocity)
         pushed = -along > policy.insist_n + policy.insist_ns_per_m * speed
         going = self._pace.going > policy.resting_m_per_s
-        asks = policy.resting_m_per_s if going else self._pace.law.attraction_per_s * policy.finished_m  # a few mm off is no place
+        # at the end of the way, a few mm off is no place that he holds
+        asks = policy.resting_m_per_s if going else self._pace.law.attraction_per_s * policy.finished_m
         under_way = self._pace.clock[LED_S] > policy.insist_s and self._meant >= 1.0 and _length(wanted) > asks
         held = under_way and speed < policy.held_m_per_s and _length(self._pull) > policy.resting_n
         self._held_s[0] = max(self._held_s[0] + (self._dt if held else -self._dt), 0.0)

@@ -58,7 +58,8 @@ def _own(law: str) -> Maker:
     def make(role: str, learned: Mapping[str, LearnedSkill], dt: float, envelope: bool) -> Skill:
         if role == "auto":
             if law == "paper":
-                raise ParameterError(f"law {law!r} has to be told its role; auto works with: default, lqt, even, {', '.join(_UNTOLD)}")
+                works = ", ".join(("default", "lqt", "even", *_UNTOLD))
+                raise ParameterError(f"law {law!r} has to be told its role; auto works with: {works}")
             return make_auto(learned, axes=learned["leader"].axes, dt=dt, law=law, envelope=envelope)
         one = learned[role]
         return make_skill(one, axes=one.axes, dt=dt, law=law, role=role, envelope=envelope)
@@ -163,7 +164,7 @@ def _active_passive(role: str, learned: Mapping[str, LearnedSkill], dt: float) -
 Maker = Callable[[str, Mapping[str, LearnedSkill], float, bool], Skill]
 _UNTOLD = ("without-lessons", "rigid", "mass-damper", "damping", "variable-damping", "homotopy", "active-passive")
 ABLATION = {  # role -> what the default law is compared with, the same law without lessons first
-    "leader": ("without-lessons", "rigid", "minimum-jerk", "mass-damper", "variable-damping", "homotopy"),
+    "leader": ("without-lessons", "even", "rigid", "minimum-jerk", "mass-damper", "variable-damping", "homotopy"),
     "follower": ("without-lessons", "minimum-jerk", "mass-damper", "variable-damping", "homotopy"),
     "auto": ("without-lessons", "mass-damper", "variable-damping", "homotopy"),
 }

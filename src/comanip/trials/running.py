@@ -151,7 +151,7 @@ def one_run(
 
 
 def told_goal(case: Case) -> Array | None:
-    """(d,) [m] where a robot that leads is told to lead to, of a task with several goals; None: it is not told, or need not be."""
+    """(d,) [m] where a robot that leads is told to lead to, of a task with several goals; None: not told, or no need."""
     if case.role != "leader" or len(case.task.goals) < 2:
         return None
     return np.asarray(case.task.start + way(case.task, usual(case.task, case.drawn.goal)).course.end)
