@@ -137,7 +137,8 @@ def references_of(learned: LearnedSkill) -> tuple[PhaseReference, ...]:
 def carried_to(learned: LearnedSkill, start: Array | None, goal: int | Array | None) -> tuple[LearnedSkill, int | None]:
     """The skill with its paths from `start` and to `goal`, as for `make_skill`, and the index of the path that is meant."""
     which = goal_of(learned, goal)
-    place = None if which is None or np.ndim(goal) == 0 or not learned.paths else np.asarray(goal, dtype=float)
+    place = np.asarray(goal, dtype=float) if which is not None and learned.paths else None
+    place = None if place is None or place.ndim == 0 else place  # a number carries nothing
     begins = None if start is None else _start_of(learned, start)
     if place is None and begins is None:
         return learned, which
