@@ -153,6 +153,8 @@ DEVICES: dict[str, Device] = {
 # 5 states are the paper's; 10 predict better on every set that was tried (docs/results.md)
 LAWS: dict[str, Law] = {
     "default": Law("comanip.reproduction:default_law", 10, "comanip.skills.collaborate:CollaborativeLaw", True, yields=True),
+    "lqt": Law("comanip.reproduction:lqt_law", 10, "comanip.skills.collaborate:CollaborativeLaw", True, yields=True),
+    "even": Law("comanip.reproduction:even_law", 10, "comanip.skills.collaborate:CollaborativeLaw", True, yields=True),
     "paper": Law("comanip.reproduction:paper_law", 5, "comanip.skills.paper:PaperLaw"),
     "mass-damper": Law("comanip.trials.contestants:mass_damper", untold=True),
     "damping": Law("comanip.trials.contestants:damping", untold=True),

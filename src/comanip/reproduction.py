@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +12,7 @@ import numpy as np
 from .errors import MismatchError, ParameterError
 from .interfaces import Skill
 from .learned.skill import LearnedSkill, check_fits
+from .models.frames import carried
 from .parts import Law, check_settings, known, learned_laws, wanted
 
 if TYPE_CHECKING:
@@ -18,6 +21,9 @@ if TYPE_CHECKING:
     from .skills.collaborate import CollaborativeLaw
     from .skills.reference import PhaseReference
     from .skills.roles import RolePolicy
+
+
+RUNS = ("default", "lqt", "even", "paper")
 
 
 def make_skill(
@@ -29,27 +35,35 @@ def make_skill(
     role: str | None = None,
     envelope: bool | Limits = True,
     gives_way: bool = True,
+    start: Array | None = None,
     goal: int | Array | None = None,
     **settings: Any,
 ) -> Skill:
     """The skill that runs `learned` on a robot with these axes and control period [s].
 
-    law       "default", "paper" or another of `parts.learned_laws()`; None takes the skill's own, with its stored settings
+    law       "default", firm where lessons agreed and compliant where they differed; "lqt", the same, but refuses lessons that do
+              not say how far they differ; "even", the same, but everywhere alike; "paper"; or another of `parts.learned_laws()`.
+              None takes the skill's own, with its stored settings
     role      only for a skill that states none; another role than the stated is a MismatchError
     envelope  the safety envelope around it (docs/safety.md): on, with walls and speed as taught; off; or on with these Limits,
               with walls as taught where they state none
     gives_way whether a leader under the default law gives way to a partner who insists; False only where nobody is: recorded
               force that is played back cannot answer
-    goal      where the lessons had several: its number as `learn` says it, from 1, or a position (d,) [m] near it;
-              None: a follower infers it, a leader takes the one of most lessons
+    start     (d,) [m] where the task now begins, None: as taught
+    goal      where the lessons had several: its number as `learn` says it, from 1; or a position (d,) [m], to which the path of
+              the nearest goal is carried (`models.frames`); None: a follower infers it, a leader takes the one of most lessons
     settings  of the law, on top of the stored ones
     """
     name = law or learned.law
     part = known("law", name, learned_laws())
     check_fits(learned, axes=axes, dt=dt, role=role)
+    if name == "paper" and (start is not None or goal is not None):
+        raise ParameterError(f"law 'paper' has no {'goals' if goal is not None else 'frames'}: law 'default' has")
+    learned, which = carried_to(learned, start, goal)
     role, settings = role or learned.role, {**stored_settings(learned, name), **settings}
     check_settings(name, settings)
-    skill = part.load()(role, {role: learned}, dt, **_told(name, part, goal=goal, gives_way=gives_way), **settings)
+    asked = _told(name, part, goal=None if which is None else which + 1, gives_way=gives_way)
+    skill = part.load()(role, {role: learned}, dt, **asked, **settings)
     return _made_for(skill, axes, dt) if envelope is False else _within([learned], skill, part, envelope, axes, dt)
 
 
@@ -66,7 +80,8 @@ def make_auto(
     """A skill that finds out by itself whether to lead or to follow. Settings stored with the skills count, each for its role.
 
     learned   by role: "leader" and "follower", and "natural" if there are such lessons
-    law       one that can do without being told (`parts.LAWS`): "default"; None takes the skills' own, and refuses "paper"
+    law       one that can do without being told (`parts.LAWS`): "default", "lqt", "even"; None takes the skills' own, and refuses
+              "paper"
     policy    when it takes over and gives way; default: `skills.roles.RolePolicy.taught`, as patient as lessons ask
     goal      as for `make_skill`
     """
@@ -76,8 +91,12 @@ def make_auto(
         check_fits(one, axes=axes, dt=dt)
     name = _untold(law, learned)
     part = learned_laws()[name]
-    skill = part.load()("auto", learned, dt, **_told(name, part, goal=goal, policy=policy))
-    return _made_for(skill, axes, dt) if envelope is False else _within(list(learned.values()), skill, part, envelope, axes, dt)
+    lead, which = carried_to(learned["leader"], None, goal)
+    asked = _told(name, part, goal=None if which is None else which + 1, policy=policy)
+    skill = part.load()("auto", {**learned, "leader": lead}, dt, **asked)
+    return (
+        _made_for(skill, axes, dt) if envelope is False else _within([lead, *learned.values()], skill, part, envelope, axes, dt)
+    )
 
 
 def _untold(law: str | None, learned: Mapping[str, LearnedSkill]) -> str:
@@ -125,6 +144,33 @@ def references_of(learned: LearnedSkill) -> tuple[PhaseReference, ...]:
     return (PhaseReference.learned(learned.clock, learned.ends.mean(axis=0)),)
 
 
+def carried_to(learned: LearnedSkill, start: Array | None, goal: int | Array | None) -> tuple[LearnedSkill, int | None]:
+    """The skill with its paths from `start` and to `goal`, as for `make_skill`, and the index of the path that is meant."""
+    which = goal_of(learned, goal)
+    place = np.asarray(goal, dtype=float) if which is not None and learned.paths else None
+    place = None if place is None or place.ndim == 0 else place  # a number carries nothing
+    begins = None if start is None else _start_of(learned, start)
+    if place is None and begins is None:
+        return learned, which
+    if place is None:
+        paths = tuple(carried(path, begins) for path in learned.paths)
+    else:  # one goal was said: there is no other
+        assert which is not None
+        paths, which = (carried(learned.paths[which], begins, place),), 0
+    met = np.vstack([path.position for path in paths])
+    box = np.column_stack([np.minimum(learned.workspace[:, 0], met.min(0)), np.maximum(learned.workspace[:, 1], met.max(0))])
+    return replace(learned, paths=paths, ends=np.vstack([path.ends for path in paths]), workspace=box), which
+
+
+def _start_of(learned: LearnedSkill, start: Array) -> Array:
+    place = np.asarray(start, dtype=float)
+    if place.shape != (len(learned.axes),) or not np.isfinite(place).all():
+        raise ParameterError(f"a start is a position on the axes {', '.join(learned.axes)} [m]; got {start!r}")
+    if not learned.paths:
+        raise MismatchError("this skill is of a version that stores no path to carry to another start: learn it again")
+    return place
+
+
 def goal_of(learned: LearnedSkill, goal: int | Array | None) -> int | None:
     """Index of the path that `goal`, a number from 1 or a position (d,) [m], means."""
     if goal is None:
@@ -149,6 +195,14 @@ def _made_for(skill: Skill, axes: tuple[str, ...], dt: float) -> Skill:
     """`skill` with the axes and the period that it was made for, which the loop compares with the plant's."""
     skill.axes, skill.dt = tuple(axes), dt  # type: ignore[attr-defined]
     return skill
+
+
+def _tracked(learned: LearnedSkill, law: str, attraction_per_s: float) -> tuple[PhaseReference, ...]:
+    """`references_of`, and how firmly each is tracked where: law "even" everywhere alike, as does who knows of no spread."""
+    references = references_of(learned)
+    if law == "even" or (law == "default" and not all(r.spread.any() for r in references)):
+        return references
+    return tuple(r.tracked(attraction_per_s) for r in references)
 
 
 def _stated(envelope: bool | Limits) -> Limits | None:
@@ -188,20 +242,21 @@ def default_law(
     goal: int | Array | None = None,
     gives_way: bool = True,
     policy: RolePolicy | None = None,
+    tracking: str = "default",
     **settings: Any,
 ) -> Skill:
     """The law of docs/laws.md; a leader who `gives_way`, and a robot that is told nothing, may change its role."""
     from .skills.collaborate import CollaborativeLaw, CollaborativeSkill
 
     if role == "auto":
-        return _told_nothing(learned, dt, goal, policy)
+        return _told_nothing(learned, tracking, dt, goal, policy)
     one = learned[role]
     law = CollaborativeLaw.for_role(role, **settings)
     if role == "leader" and gives_way:
-        return _role_skill(one, law, dt, goal=goal, leads=True)
+        return _role_skill(one, tracking, law, dt, goal=goal, leads=True)
     return CollaborativeSkill(
         one.model,
-        references_of(one),
+        _tracked(one, tracking, law.attraction_per_s),
         role=role,
         axes=one.axes,
         dt=dt,
@@ -211,21 +266,28 @@ def default_law(
     )
 
 
-def _told_nothing(learned: Mapping[str, LearnedSkill], dt: float, goal: int | Array | None, policy: RolePolicy | None) -> Skill:
+lqt_law = partial(default_law, tracking="lqt")  # the default law, of lessons that say how far they differ
+even_law = partial(default_law, tracking="even")  # the default law, as firm everywhere
+
+
+def _told_nothing(
+    learned: Mapping[str, LearnedSkill], tracking: str, dt: float, goal: int | Array | None, policy: RolePolicy | None
+) -> Skill:
     from .skills.collaborate import CollaborativeLaw
     from .skills.roles import RoleEvidence, RolePolicy
 
     leader, follower = (
-        CollaborativeLaw.for_role(role, **stored_settings(learned[role], "default")) for role in ("leader", "follower")
+        CollaborativeLaw.for_role(role, **stored_settings(learned[role], tracking)) for role in ("leader", "follower")
     )
     models = {role: learned[role].model for role in ("leader", "follower", "natural") if role in learned}
     evidence = RoleEvidence(models, dt=learned["leader"].dt)
     policy = policy or RolePolicy.taught(references_of(learned["leader"]), learned["follower"].onsets_s)
-    return _role_skill(learned["leader"], leader, dt, following=follower, evidence=evidence, policy=policy, goal=goal)
+    return _role_skill(learned["leader"], tracking, leader, dt, following=follower, evidence=evidence, policy=policy, goal=goal)
 
 
 def _role_skill(
     learned: LearnedSkill,
+    tracking: str,
     law: CollaborativeLaw,
     dt: float,
     *,
@@ -237,7 +299,7 @@ def _role_skill(
     from .skills.collaborate import CollaborativeLaw, Watch
     from .skills.roles import RolePolicy, RoleSkill
 
-    references = references_of(learned)
+    references = _tracked(learned, tracking, law.attraction_per_s)
     return RoleSkill(
         Watch(learned.model, learned.dt, dt),
         references,

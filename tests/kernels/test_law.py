@@ -30,7 +30,8 @@ def reference(rng, d):
     shape = shape if rng.integers(2) else np.sin(np.pi * shape)
     path = shape * rng.uniform(-0.4, 0.4, d)
     ends = path[-1] + rng.normal(scale=0.02, size=(3, d))
-    return PhaseReference(path, 2.0 * np.sin(np.pi * s) * rng.normal(size=d), 0.01, ends=ends)
+    made = PhaseReference(path, 2.0 * np.sin(np.pi * s) * rng.normal(size=d), 0.01, spread=0.004 + 0.01 * s[:, 0] ** 2, ends=ends)
+    return made if ends[0, 0] > path[-1, 0] else made.tracked(4.0)
 
 
 def make(kind, rng, d, dt=0.01, model_dt=0.01, *, deaf=False, policy=RolePolicy(start_patience_s=0.6, midway_patience_s=0.4)):

@@ -221,7 +221,8 @@ def test_all_that_the_envelope_remembers_is_lent_or_stays():
     """A memory that is added later is not forgotten: each is lent, or named as one that an ordinary tick leaves alone."""
     alone = {
         "skill", "limits", "_dt", "_tells", "_timer", "_axes", "_d", "_late", "_stale", "_walls", "_mode", "_tank", "_confidence",
-        "_inner", "_frozen", "_ordinary", "_is_lent", "_state", "_reason", "_first", "_known", "_ran", "_ticks", "_at_first", "_feels_s",
+        "_inner", "_frozen", "_ordinary", "_is_lent", "_state", "_reason", "_first", "_known", "_ran", "_ticks", "_at_first",
+        "_feels_s",
         "_passes", "_passed", "_passed_s", "_wait_s", "_cause", "_bound", "_pulled",
     }  # fmt: skip
     parts = {

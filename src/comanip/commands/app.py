@@ -190,6 +190,10 @@ def reproduce(
     law: LearnedLaw | None = None,
     plant: Plant = "beam",
     dt: Annotated[float, Parameter(help="Control period [s].")] = 0.01,
+    goal: Annotated[
+        int | None,
+        Parameter(help="Which of several taught goals, by the number that `learn` said; default: a leader is told the task's."),
+    ] = None,
     force_from: Annotated[Path | None, Parameter(help="Replay the force of this recording instead of a partner.")] = None,
     realtime: Annotated[
         bool,
@@ -204,7 +208,7 @@ def reproduce(
     """Let a skill carry the beam with a simulated partner drawn by --seed, and judge what happened."""
     from . import running as command
 
-    command.reproduce(skill, task, seed, role, law, plant, dt, force_from, realtime, out, plot, data, overwrite, json)
+    command.reproduce(skill, task, seed, role, law, plant, dt, goal, force_from, realtime, out, plot, data, overwrite, json)
 
 
 @app.command

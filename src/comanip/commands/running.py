@@ -25,12 +25,13 @@ from ..lessons.demonstration import demonstrations
 from ..loop import SimulatedClock, WallClock, run, unbroken
 from ..plants.replay import ReplayPlant
 from ..recording import Recording
-from ..reproduction import make_auto, make_skill
+from ..reproduction import goal_of, make_auto, make_skill
 from ..tasks import Task, named
 from ..teaching import DYADS, Coupling
 from ..teaching import teach as record_lessons
 from ..trials import draw_case, judge, run_case
 from ..trials.cases import TASK
+from ..trials.running import told_goal
 from .console import note, print_json, progress, say, say_if_slow, table
 from .ending import keeping
 from .flags import DataFlags
@@ -125,6 +126,7 @@ def reproduce(
     law: str | None,
     plant: str,
     dt: float,
+    goal: int | None,
     force_from: Path | None,
     realtime: bool,
     out: Path | None,
@@ -159,9 +161,10 @@ def reproduce(
             raise ParameterError(f"{path}: the skill states no role; pass --role leader or --role follower")
         case = draw_case(acting, np.random.default_rng(seed), task=what)
         if acting == "auto":
-            skill = make_auto({one.role: one for one in skills.values()}, axes=learned.axes, dt=dt, law=law)
+            skill = make_auto({one.role: one for one in skills.values()}, axes=learned.axes, dt=dt, law=law, goal=goal)
         else:
-            skill = make_skill(learned, axes=learned.axes, dt=dt, law=law, role=acting)
+            number = goal if goal is not None else _number(learned, told_goal(case), law)
+            skill = make_skill(learned, axes=learned.axes, dt=dt, law=law, role=acting, goal=number)
         start = _lessons_start(learned, what)
         about = {"seed": seed, "law": law or learned.law}
         recording = run_case(case, skill, plant=plant, dt=dt, start_m=start, clock=clock, taps=live, metadata=about)
@@ -207,6 +210,11 @@ def _one_role_or_auto(skills: Mapping[Path, LearnedSkill], role: str | None) -> 
     roles = Counter(one.role for one in skills.values())
     if role == "auto" and (twice := [r or "not stated" for r, n in roles.items() if n > 1]):
         raise ParameterError(f"--role auto takes one skill a role; {twice[0]} comes twice among {', '.join(map(str, skills))}")
+
+
+def _number(learned: LearnedSkill, place: Array | None, law: str | None) -> int | None:
+    """Of the taught goal near `place` (d,) [m], from 1; None where the task says none, or the law knows none."""
+    return None if place is None or (law or learned.law) == "paper" else (goal_of(learned, place) or 0) + 1
 
 
 def _lessons_start(learned: LearnedSkill, task: Task) -> Array | None:

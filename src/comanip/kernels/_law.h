@@ -30,10 +30,10 @@ typedef struct { /* RoleEvidence */
 
 enum { BANK_DT, BANK_CHANGE, BANK_MEMORY, BANK_GATE };
 
-typedef struct { /* PhaseReference: one goal's path, (rows, d) each; way (rows) */
+typedef struct { /* PhaseReference: one goal's path, (rows, d) each; way, gain (rows) */
     int rows;
     double step_s, duration_s, top_speed, slack;
-    const double *path, *velocity, *force, *way;
+    const double *path, *velocity, *force, *way, *gain;
 } Table;
 
 typedef struct { /* Whereabouts: `stations` rows of 3 d + 5 numbers; goal g has those from first[g] to first[g + 1] */
@@ -51,7 +51,7 @@ typedef struct {
     Bank bank;
     Table *tables;
     Where where;
-    double *compliance, *slow, *slower, *shake, *went_on, *turn, *turned;  /* Compliance.memory */
+    double *compliance, *slow, *slower, *gripping, *shake, *went_on, *turn, *turned; /* Compliance.memory */
     double *expected, *wanted, *offset, *clock;   /* Pace.memory */
     double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock, *rest_s, *moved, *against_s,
         *held_s, *told;                           /* of the skill */
@@ -60,7 +60,7 @@ typedef struct {
     const Level *level;
 } Law;
 
-enum { PHASE, RATE, RESISTANCE, WAITS, FADED, FADING, LED, EASING, GOAL, CLOCKS }; /* Pace.clock */
+enum { PHASE, RATE, RESISTANCE, WAITS, FADED, FADING, LED, EASING, GOAL, GOING, CLOCKS }; /* Pace.clock */
 enum { AT_PHASE, SPACING, DOUBT, BREADTH, LOG_BREADTH, STATION };                 /* Whereabouts.stations, after 3 d vectors */
 #define ABSURD 1e6 /* no robot is so far away, so fast or so strong, in any unit */
 #define WHERE_PERIOD 0.02
@@ -68,6 +68,7 @@ enum { AT_PHASE, SPACING, DOUBT, BREADTH, LOG_BREADTH, STATION };               
 #define WHERE_GATE 10.0
 #define ASTRAY 1e-6
 #define WHERE_SLIPS 0.1
+#define LATEST 1.8
 
 static double least(double a, double b) { return b < a ? b : a; }
 static double most(double a, double b) { return b > a ? b : a; }
@@ -196,6 +197,12 @@ static void locate(Law *l, const double *position, const double *velocity) {
 static double left_of(double u) { return 1.0 - u * u * u * (10.0 + u * (-15.0 + 6.0 * u)); }
 static double leaving(double u) { return -(u * u * (30.0 + u * (-60.0 + 30.0 * u))); }
 
+/* Pace._in_time */
+static double in_time(const Table *t, double s, double gone, double led_s) {
+    const double left = t->duration_s - s, left_s = LATEST * (left + gone) - led_s;
+    return left_s > left ? least(left / left_s, 1.0) : 1.0;
+}
+
 /* Pace.step */
 static void pace(Law *l, const double *x, const double *force) {
     const Numbers *law = &l->law;
@@ -214,12 +221,14 @@ static void pace(Law *l, const double *x, const double *force) {
     const double speed = length(taught, d), along = speed > 1e-6 ? dot(force, taught, d) / speed : 0.0;
     const double excess = least(along + law->comfortable, 0.0);
     c[RESISTANCE] += least(l->dt / law->patience, 1.0) * (excess - c[RESISTANCE]);
-    double rate = on_path || fades ? most(1.0 + law->yield_gain * c[RESISTANCE], law->slowest_clock) : 1.0;
+    const double slowest = most(law->slowest_clock, in_time(t, s, c[FADED], c[LED]));
+    double rate = on_path || fades ? most(1.0 + law->yield_gain * c[RESISTANCE], slowest) : 1.0;
     if (c[LED] < c[EASING]) {
         const double ease = c[LED] / c[EASING];
         rate *= ease * ease * (3.0 - 2.0 * ease);
     }
     if (speed > t->top_speed) rate *= t->top_speed / speed;
+    c[GOING] = rate * speed;
     for (int i = 0; i < d; i++) error[i] = target[i] - x[i];
     const double on = begun ? l->dt * rate : 0.0;
     c[RATE] = rate;
@@ -227,10 +236,12 @@ static void pace(Law *l, const double *x, const double *force) {
     c[FADED] += on;
     c[LED] += begun ? l->dt : 0.0;
     c[WAITS] = most(c[WAITS] - l->dt, 0.0);
-    const double asked = length(error, d) * law->attraction, share = asked > 1e-9 ? least(1.0, t->top_speed / asked) : 1.0;
+    double gain;
+    row_at(t, t->gain, 1, s, &gain);
+    const double pulls = law->attraction * gain, asked = length(error, d) * pulls, share = asked > 1e-9 ? least(1.0, t->top_speed / asked) : 1.0;
     for (int i = 0; i < d; i++) {
         l->expected[i] = rate * felt[i];
-        l->wanted[i] = rate * taught[i] + law->attraction * (error[i] * share);
+        l->wanted[i] = rate * taught[i] + pulls * (error[i] * share);
     }
 }
 
@@ -267,15 +278,16 @@ static void beyond(const double *values, double *slow, double keep, int d, doubl
     }
 }
 
-/* Compliance.step */
-static void comply(Law *l, const Numbers *law, const double *excess, const double *reference, const double *feedforward) {
+/* Compliance.step; `moving` is the larger of the compliance's speed and the reference's, or what `at_least_going` says */
+static void comply(Law *l, const Numbers *law, const double *excess, double moving, const double *feedforward) {
     const int d = l->d;
-    const double keep_slow = 1.0 - exp(-2.0 * PI * law->shake_hz * l->dt), keep_slower = 1.0 - exp(-2.0 * PI * law->grip_hz * l->dt);
-    const double speed = most(length(l->compliance, d), length(reference, d)), rest = 1.0 - least(speed / law->moving_speed, 1.0);
+    const double keep_slow = 1.0 - exp(-2.0 * PI * law->shake_hz * l->dt), keep_grip = 1.0 - exp(-2.0 * PI * law->grip_hz * l->dt);
+    const double rest = 1.0 - least(moving / law->moving_speed, 1.0);
     double damping = law->moving_damping + rest * rest * (law->resting_damping - law->moving_damping);
-    double fast[MOST_AXES], faster[MOST_AXES];
-    beyond(excess, l->slow, keep_slow, d, fast);
-    beyond(fast, l->slower, keep_slower, d, faster);
+    double quick[MOST_AXES], fast[MOST_AXES], faster[MOST_AXES];
+    beyond(excess, l->slow, keep_slow, d, quick);
+    beyond(quick, l->slower, keep_slow, d, fast);
+    beyond(quick, l->gripping, keep_grip, d, faster);
     *l->shake += l->keep_shake * (least(length(fast, d), ABSURD) - *l->shake);
     *l->turn += l->keep_shake * (least(length(faster, d), ABSURD) - *l->turn);
     const double amplitude = most(1.57 * *l->shake - law->shake_n, 0.0), turns = most(1.57 * *l->turn - law->grip_n, 0.0);
@@ -324,9 +336,16 @@ static int follow(Law *l, const double *x, const double *force, double *const ou
     memcpy(l->position, x, sizeof(double) * l->d);
     if (anticipates) anticipate(l, x, force, foreseen);
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->shown_expected[i];
-    comply(l, &l->law, excess, nothing, foreseen);
+    comply(l, &l->law, excess, length(l->compliance, l->d), foreseen);
     send(l, &l->law, x, nothing, out);
     return 1;
+}
+
+/* How fast the hand of a leader goes, or its reference by itself */
+static double at_least_going(const Law *l) {
+    double both[MOST_AXES];
+    for (int i = 0; i < l->d; i++) both[i] = l->compliance[i] + l->wanted[i];
+    return most(length(both, l->d), l->clock[GOING]);
 }
 
 /* CollaborativeSkill._lead, and what follows it */
@@ -338,7 +357,7 @@ static void lead_there(Law *l, const double *x, const double *force, double *con
     memcpy(l->shown_clock, l->clock, sizeof(double) * 2);
     memcpy(l->shown_expected, l->expected, sizeof(double) * l->d);
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->expected[i];
-    comply(l, &l->law, excess, l->wanted, nothing);
+    comply(l, &l->law, excess, at_least_going(l), nothing);
     send(l, &l->law, x, l->wanted, out);
 }
 
@@ -402,7 +421,8 @@ static int lead_on(Law *l, const double *x, const double *felt, double *const ou
     }
     const double along = dot(pull, l->wanted, d) / most(length(l->wanted, d), 1e-3), speed = length(l->velocity, d);
     const int against = -along > than->insist_n + than->insist_ns_per_m * speed || along > than->ahead_n;
-    const int under_way = l->clock[LED] > than->insist_s && length(l->wanted, d) > than->resting_m_per_s;
+    const double asks = l->clock[GOING] > than->resting_m_per_s ? than->resting_m_per_s : l->law.attraction * than->finished_m;
+    const int under_way = l->clock[LED] > than->insist_s && length(l->wanted, d) > asks;
     const int held = under_way && speed < than->held_m_per_s && length(pull, d) > than->resting_n;
     const double against_s = against ? *l->against_s + l->dt : 0.0, held_s = most(*l->held_s + (held ? l->dt : -l->dt), 0.0);
     if (against_s >= than->insist_s || held_s >= than->held_s || !attend(l, x, felt)) return 0;
@@ -445,7 +465,7 @@ static int follow_on(Law *l, const double *x, const double *felt, double *const 
         if (resting && !moved) l->bias[i] += l->bias_share * pull[i];
         force[i] -= l->shown_expected[i];
     }
-    comply(l, &l->following, force, nothing, nothing);
+    comply(l, &l->following, force, length(l->compliance, d), nothing);
     send(l, &l->following, x, nothing, out);
     return 1;
 }

@@ -275,11 +275,13 @@ static int get(Array *array, PyObject *object, int writable, Py_ssize_t count, P
     return 0;
 }
 
-enum { MOST_ARRAYS = 24 };
+enum { MOST_ARRAYS = 32 };
 typedef struct { Array at[MOST_ARRAYS]; int n; } Arrays;
 
 static void *take(Arrays *arrays, PyObject *object, int writable, Py_ssize_t count, Py_ssize_t size, const char *name) {
-    if (PyErr_Occurred() || get(&arrays->at[arrays->n], object, writable, count, size, name) < 0) return NULL;
+    if (PyErr_Occurred()) return NULL;
+    if (arrays->n == MOST_ARRAYS) return PyErr_Format(PyExc_ValueError, "more than %d arrays", MOST_ARRAYS), NULL;
+    if (get(&arrays->at[arrays->n], object, writable, count, size, name) < 0) return NULL;
     return arrays->at[arrays->n++].view.buf;
 }
 
@@ -1018,12 +1020,14 @@ static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch)
 }
 
 /* Rows of each goal's skills.reference.PhaseReference one after the other, and (rows, step_s, top_speed, slack_m) of each goal */
-static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject *force, PyObject *way, PyObject *goals) {
+static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject *force, PyObject *way, PyObject *gain,
+                       PyObject *goals) {
     Law *l = &self->law;
     const Py_ssize_t rows = count_of(way), n = count_of(goals) / 4;
     if (PyErr_Occurred()) return -1;
 #define TAKE(object, count) take(&self->arrays, object, 0, count, 8, #object)
     const double *x = TAKE(path, rows * l->d), *v = TAKE(velocity, rows * l->d), *f = TAKE(force, rows * l->d), *w = TAKE(way, rows);
+    const double *k = TAKE(gain, rows);
     const double *of_goal = TAKE(goals, n * 4);
 #undef TAKE
     if (PyErr_Occurred()) return -1;
@@ -1038,7 +1042,7 @@ static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject 
         const int some = (int)of_goal[0];
         if (some < 2 || some > rows - at) break;
         l->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3],
-                               x + at * l->d, v + at * l->d, f + at * l->d, w + at};
+                               x + at * l->d, v + at * l->d, f + at * l->d, w + at, k + at};
         at += some;
     }
     if (n > 0 && at == rows) return 0;
@@ -1076,12 +1080,12 @@ static int take_where(Laws *self, PyObject *stations, PyObject *firsts, PyObject
 
 static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
     PyObject *filter, *numbers, *following, *policy, *compliance, *pace_memory, *memory, *until, *seen, *bank;
-    PyObject *path, *velocity, *force, *way, *goal_rows, *stations, *firsts, *where, *goals;
+    PyObject *path, *velocity, *force, *way, *gain, *goal_rows, *stations, *firsts, *where, *goals;
     double dt, model_dt, pull_s, bias_s;
     int d;
     (void)keywords;
-    if (!PyArg_ParseTuple(args, "O!OOO(OOOOO)OOOOO(OOOO)iddddO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
-                          &force, &way, &goal_rows, &compliance, &pace_memory, &memory, &until, &seen, &stations, &firsts, &where, &goals, &d, &dt, &model_dt, &pull_s, &bias_s,
+    if (!PyArg_ParseTuple(args, "O!OOO(OOOOOO)OOOOO(OOOO)iddddO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
+                          &force, &way, &gain, &goal_rows, &compliance, &pace_memory, &memory, &until, &seen, &stations, &firsts, &where, &goals, &d, &dt, &model_dt, &pull_s, &bias_s,
                           &bank))
         return NULL;
     const int D = ((Filter *)filter)->tick.D;
@@ -1094,12 +1098,12 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
 #define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
     const double *given = TAKE(numbers, 0, sizeof(Numbers) / 8), *followed = TAKE(following, 0, sizeof(Numbers) / 8);
     const double *conduct = TAKE(policy, 0, sizeof(Policy) / 8);
-    double *of_compliance = TAKE(compliance, 1, 3 * d + 4), *of_pace = TAKE(pace_memory, 1, 3 * d + CLOCKS);
+    double *of_compliance = TAKE(compliance, 1, 4 * d + 4), *of_pace = TAKE(pace_memory, 1, 3 * d + CLOCKS);
     double *of_skill = TAKE(memory, 1, 7 * d + 7);
     l->until = TAKE(until, 1, 1);
     l->seen = TAKE(seen, 1, D);
 #undef TAKE
-    if (PyErr_Occurred() || take_tables(self, path, velocity, force, way, goal_rows) < 0 || take_where(self, stations, firsts, where, goals) < 0 ||
+    if (PyErr_Occurred() || take_tables(self, path, velocity, force, way, gain, goal_rows) < 0 || take_where(self, stations, firsts, where, goals) < 0 ||
         (bank != Py_None && take_bank(self, bank, 3 * d, (Filter *)filter) < 0)) {
         Py_DecRef((PyObject *)self);
         return NULL;
@@ -1110,8 +1114,8 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     l->keep_shake = least(dt / 0.3, 1.0);
     l->pull_share = least(dt / pull_s, 1.0);
     l->bias_share = dt / bias_s;
-    l->compliance = of_compliance, l->slow = of_compliance + d, l->slower = l->slow + d;
-    l->shake = l->slower + d, l->went_on = l->shake + 1, l->turn = l->went_on + 1, l->turned = l->turn + 1;
+    l->compliance = of_compliance, l->slow = of_compliance + d, l->slower = l->slow + d, l->gripping = l->slower + d;
+    l->shake = l->gripping + d, l->went_on = l->shake + 1, l->turn = l->went_on + 1, l->turned = l->turn + 1;
     double **const paces[] = {&l->expected, &l->wanted, &l->offset, &l->clock};
     double **const skills[] = {
         &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->shown_clock,

@@ -69,6 +69,7 @@ def to_json(learned: LearnedSkill) -> dict[str, Any]:
                 "force_n": path.force.tolist(),
                 "spread_m": path.spread.tolist(),
                 "ends_m": path.ends.tolist(),
+                "framed_m": path.framed.tolist(),
             }
             for path in learned.paths
         ],
@@ -143,7 +144,10 @@ def _path(part: Mapping[str, Any]) -> TaughtPath:
             "a path has position_m and force_n (N >= 2, d), spread_m (N,), ends_m (lessons, d) and step_s > 0; "
             f"got {shapes} and {step_s:g}"
         )
-    return TaughtPath(step_s, position, force, spread, ends)
+    framed = _array(part, "framed_m") if "framed_m" in part else np.zeros((2, 0))
+    if framed.size and framed.shape != (2, n):
+        raise SkillFileError(f"a path has framed_m (2, {n}), from its start and from its end; got {framed.shape}")
+    return TaughtPath(step_s, position, force, spread, ends, framed)
 
 
 def _array(part: Mapping[str, Any], name: str) -> np.ndarray:

@@ -180,7 +180,7 @@ def stability_notes(model: Hmm, law: str, role: str, settings: Mapping[str, Any]
     """What is known of stability before anybody holds the other end, one warning a line; see `models.stability`."""
     from ..skills.collaborate import CollaborativeLaw
 
-    compliant = CollaborativeLaw.for_role(role, **(settings if law == "default" else {}))
+    compliant = CollaborativeLaw.for_role(role, **({} if law == "paper" else settings))
     shaking = compliant.moving_damping_ns_per_m + SHAKING_N * compliant.shake_damping_ns_per_m_per_n
     return warnings_of(stability(model), law, (compliant.virtual_mass_kg, shaking))
 

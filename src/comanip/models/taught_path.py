@@ -15,7 +15,7 @@ Lessons that go elsewhere, or elsewhere around, are not averaged: they are anoth
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +45,7 @@ class TaughtPath:
     position, force   (N, d) [m], [N]
     spread            (N,) [m] how far lessons lie from `position` at equal phase, root mean square
     ends              (lessons, d) where each of its lessons ended [m]
+    framed            (2, N) [m] the same seen from where each lesson began, and from where each ended; see `models.frames`
     """
 
     step_s: float
@@ -52,9 +53,13 @@ class TaughtPath:
     force: Array
     spread: Array
     ends: Array
+    framed: Array = field(default_factory=lambda: np.zeros((2, 0)))
 
     def __post_init__(self) -> None:
-        for name in ("position", "force", "spread", "ends"):
+        if not self.framed.size:  # of a skill that does not say: as if lessons drifted apart evenly
+            share = np.sqrt(np.linspace(0.0, 1.0, len(self.position)))
+            object.__setattr__(self, "framed", np.stack([share, share[::-1]]))
+        for name in ("position", "force", "spread", "ends", "framed"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     def __repr__(self) -> str:
@@ -199,8 +204,14 @@ def _path(lessons: Sequence[Motion], ends: Array, dt: float, cutoff_hz: float, e
     position = _between(position, each[:, 0].mean(axis=0), ends.mean(axis=0))
     force = smooth(force, row_s, cutoff_hz)
     spread = np.sqrt(np.square(each - position).sum(axis=2).mean(axis=0))
+    framed = np.stack([_apart(each - each[:, :1]), _apart(each - each[:, -1:])])
     # F is what the partner does beyond carrying his share: at rest nothing, so offsets of a sensor are not expected again
-    return TaughtPath(row_s, position, force - np.linspace(force[0], force[-1], len(force)), spread, ends)
+    return TaughtPath(row_s, position, force - np.linspace(force[0], force[-1], len(force)), spread, ends, framed)
+
+
+def _apart(each: Array) -> Array:
+    """(N,) how far lessons (n, N, d) lie from their mean, root mean square."""
+    return np.asarray(np.sqrt(np.square(each - each.mean(axis=0)).sum(axis=2).mean(axis=0)))
 
 
 def _between(path: Array, start: Array, end: Array) -> Array:

@@ -41,6 +41,7 @@ FADES_S, FADES_BELOW = 1.0, 0.7  # an offset from the path fades in so long at l
 EASES_S = 0.8  # who enters where lessons were in motion comes up to their speed in this time,
 BEGINS_S = 0.3  # and where they began, in this: what counts as motion in a lesson begins at a few per cent of its speed, not at 0
 SAID_M = 0.05  # an offset that is worth saying
+LATEST = 1.8  # times as long as taught a leader may take: long motions at the slowest clock would outlast the partner's patience
 
 
 @dataclass(frozen=True)
@@ -98,22 +99,33 @@ class Compliance:
 
     def __init__(self, n_axes: int, dt: float) -> None:
         self._dt = dt
-        self.memory = np.zeros(3 * n_axes + 4)
-        self.velocity, self._slow, self._slower = self.memory[:-4].reshape(3, n_axes)
+        self.memory = np.zeros(4 * n_axes + 4)
+        self.velocity, self._slow, self._slower, self._gripping = self.memory[:-4].reshape(4, n_axes)
         self._shaking = self.memory[-4:]  # its mean size, and how long it has gone on; the same of what turns on the grip
 
     def reset(self) -> None:
         self.memory[:] = 0.0
 
     def step(
-        self, law: CollaborativeLaw, excess: Array, reference: Array, feedforward: Array, departs_m_per_s: float = 0.0
+        self,
+        law: CollaborativeLaw,
+        excess: Array,
+        reference: Array,
+        feedforward: Array,
+        departs_m_per_s: float = 0.0,
+        going: float | None = None,
     ) -> None:
         """Damping is implicit, so any value is stable by itself at any dt. Speed, dead zone and shaking are of vectors.
 
         departs_m_per_s   a hand that rests yet counts as so fast: it is known that somebody sets out
+        going   [m/s] how fast the task goes on by itself here, where that is known: the hand rests where it does not, and moves
+                neither. An attraction that a force keeps in balance is rest, although both are large
         """
         c, off = self.velocity.tolist(), excess.tolist()
-        speed = max(length(c), length(reference.tolist()), departs_m_per_s)
+        if going is None:
+            speed = max(length(c), length(reference.tolist()), departs_m_per_s)
+        else:
+            speed = max(length([a + b for a, b in zip(c, reference.tolist(), strict=True)]), going)
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest * rest * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
         shaking, on_grip = self._shakes(law, off)
@@ -132,15 +144,16 @@ class Compliance:
         stable if B + D > tau K. So a stiff partner needs D, and only such a partner. A firm grip turns faster than D can hold.
         """
         share, memory_s = min(self._dt / 0.3, 1.0), law.shake_memory_s
-        fast = _beyond(excess, self._slow, 1.0 - exp(-2.0 * pi * law.shake_hz * self._dt))
-        faster = _beyond(fast, self._slower, 1.0 - exp(-2.0 * pi * law.grip_hz * self._dt))
+        keep = 1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)
+        # twice: of a stroke of 0.6 Hz one such filter leaves a quarter, and damps the task; two leave a twentieth
+        quick = _beyond(excess, self._slow, keep)
+        fast = _beyond(quick, self._slower, keep)
+        faster = _beyond(quick, self._gripping, 1.0 - exp(-2.0 * pi * law.grip_hz * self._dt))
         shake, went_on, turn, turned = self._shaking.tolist()
         shake += share * (min(length(fast), ABSURD) - shake)
         turn += share * (min(length(faster), ABSURD) - turn)
-        amplitude, turns = (
-            max(1.57 * shake - law.shake_n, 0.0),
-            max(1.57 * turn - law.grip_n, 0.0),
-        )  # mean |sin| = amplitude / 1.57
+        amplitude = max(1.57 * shake - law.shake_n, 0.0)  # mean |sin| = amplitude / 1.57
+        turns = max(1.57 * turn - law.grip_n, 0.0)
         went_on += self._dt * (law.shake_growth_per_s * amplitude - went_on / memory_s)
         turned += self._dt * (law.shake_growth_per_s * turns - turned / memory_s)
         self._shaking[:] = shake, went_on, turn, turned
@@ -154,7 +167,7 @@ def _beyond(values: list[float], slow: Array, keep: float) -> list[float]:
     return [v - p for v, p in zip(values, passed, strict=True)]
 
 
-PHASE_S, RATE, RESISTANCE, WAITS_S, FADED, FADING_S, LED_S, EASING_S, GOAL = range(9)  # Pace.clock
+PHASE_S, RATE, RESISTANCE, WAITS_S, FADED, FADING_S, LED_S, EASING_S, GOAL, GOING = range(10)  # Pace.clock
 
 
 class Pace:
@@ -172,9 +185,9 @@ class Pace:
         self.references = (references,) if isinstance(references, PhaseReference) else tuple(references)
         self.law, self._dt = law, dt
         d = self.references[0].position.shape[1]
-        self.memory = np.zeros(3 * d + 9)
-        self.expected, self.velocity, self._offset = self.memory[:-9].reshape(3, d)
-        self.clock = self.memory[-9:]
+        self.memory = np.zeros(3 * d + 10)
+        self.expected, self.velocity, self._offset = self.memory[:-10].reshape(3, d)
+        self.clock = self.memory[-10:]
 
     def start(self, phase: float, position: Array, *, goal: int = 0, waits_s: float = 0.0, eases: bool = True) -> None:
         """At `position` (d,); in `waits_s` [s] it goes on from `phase` [s] of the reference to `goal`; from rest it eases in."""
@@ -185,7 +198,7 @@ class Pace:
         self.memory[:] = 0.0
         self._offset[:] = offset
         easing_s = 0.0 if not eases else EASES_S if phase > 0.0 else BEGINS_S
-        self.clock[:] = phase, 1.0 if waits_s > 0.0 else 0.0, 0.0, waits_s, 0.0, fading_s, 0.0, easing_s, goal
+        self.clock[:] = phase, 1.0 if waits_s > 0.0 else 0.0, 0.0, waits_s, 0.0, fading_s, 0.0, easing_s, goal, 0.0
 
     @property
     def reference(self) -> PhaseReference:
@@ -200,6 +213,11 @@ class Pace:
         return float(self.clock[RATE])
 
     @property
+    def going(self) -> float:
+        """How fast the reference moves by itself [m/s], without what pulls to it."""
+        return float(self.clock[GOING])
+
+    @property
     def ended(self) -> bool:
         return self.phase >= self.reference.duration_s
 
@@ -211,7 +229,7 @@ class Pace:
 
     def step(self, x: Array, force: Array) -> None:
         law, reference = self.law, self.reference
-        s, rate, resistance, waits_s, faded, fading_s, led_s, easing_s, goal = self.clock.tolist()
+        s, rate, resistance, waits_s, faded, fading_s, led_s, easing_s, goal, _ = self.clock.tolist()
         begun = waits_s <= 0.0
         on_path, fades = begun and s < reference.duration_s, begun and faded < fading_s
         left = _left(faded / fading_s) if faded < fading_s else 0.0
@@ -224,27 +242,36 @@ class Pace:
         along = dot(force.tolist(), velocity) / speed if speed > 1e-6 else 0.0
         excess = min(along + law.comfortable_n, 0.0)
         resistance += min(self._dt / law.patience_s, 1.0) * (excess - resistance)
-        rate = max(1.0 + law.yield_gain_per_n * resistance, law.slowest_clock) if on_path or fades else 1.0
+        slowest = max(law.slowest_clock, self._in_time(s, faded, led_s))
+        rate = max(1.0 + law.yield_gain_per_n * resistance, slowest) if on_path or fades else 1.0
         if led_s < easing_s:
             ease = led_s / easing_s
             rate *= ease * ease * (3.0 - 2.0 * ease)
         if speed > reference.top_speed:
             rate *= reference.top_speed / speed
+        gain = reference.gain_at(s)
         error = [t - p for t, p in zip(target, x.tolist(), strict=True)]
         # a person's resistance grows with speed, so at a slower pace less of it is to be expected
         felt = reference.floats_at("force", s) if begun else [0.0] * len(target)
         on = self._dt * rate if begun else 0.0
         s, faded, led_s = min(s + on, reference.duration_s), faded + on, led_s + (self._dt if begun else 0.0)
         waits_s = max(waits_s - self._dt, 0.0)
-        self.clock[:] = s, rate, resistance, waits_s, faded, fading_s, led_s, easing_s, goal
-        share = self._bound(error)
+        self.clock[:] = s, rate, resistance, waits_s, faded, fading_s, led_s, easing_s, goal, rate * speed
+        pulls = law.attraction_per_s * gain
+        share = self._bound(error, pulls)
         for i, v in enumerate(velocity):
             self.expected[i] = rate * felt[i]
-            self.velocity[i] = rate * v + law.attraction_per_s * (error[i] * share)
+            self.velocity[i] = rate * v + pulls * (error[i] * share)
 
-    def _bound(self, error: list[float]) -> float:
+    def _in_time(self, s: float, gone: float, led_s: float) -> float:
+        """The clock that, kept from here on, ends the motion `LATEST` times as late as taught; kept from the start it stays."""
+        left = self.reference.duration_s - s
+        left_s = LATEST * (left + gone) - led_s
+        return min(left / left_s, 1.0) if left_s > left else 1.0
+
+    def _bound(self, error: list[float], pulls: float) -> float:
         """The attractor never asks for more than the taught top speed, however far away it starts."""
-        asked = length(error) * self.law.attraction_per_s
+        asked = length(error) * pulls
         return min(1.0, self.reference.top_speed / asked) if asked > 1e-9 else 1.0
 
 
@@ -397,14 +424,16 @@ class CollaborativeSkill:
         force = obs.force if _finite(obs.force) else np.where(np.isfinite(obs.force), obs.force, 0.0)
         self._position[:] = x
         self._watch.step(x, obs.force)
+        going = None
         if self._complies_only:
             feedforward, reference = self._nothing, self._nothing
         elif self.role == "leader":
             feedforward, reference = self._nothing, self._lead(x, force)
+            going = self._pace.going
         else:
             feedforward, reference = self._anticipate(x, force), self._nothing
         departs = self._foresight.departs * self.law.moving_speed_m_per_s
-        self._compliance.step(self.law, force - self._expected, reference, feedforward, departs)
+        self._compliance.step(self.law, force - self._expected, reference, feedforward, departs, going)
         command_velocity(self.law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
     def _lead(self, x: Array, force: Array) -> Array:
@@ -503,7 +532,7 @@ def compiled(
     if watch.filter.compiled is None or d > 6 or len(watch.seen) not in (d, 2 * d):
         return None
     tables = tuple(
-        np.concatenate([getattr(r, name) for r in pace.references]) for name in ("position", "velocity", "force", "way")
+        np.concatenate([getattr(r, name) for r in pace.references]) for name in ("position", "velocity", "force", "way", "gain")
     )
     goals = np.array([(len(r.way), r.step_s, r.top_speed, r.slack_m) for r in pace.references])
 

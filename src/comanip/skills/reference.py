@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from ..errors import TrainingError
@@ -13,8 +15,11 @@ from ..models.taught_path import MOVING, POINTS_PER_S, TaughtPath
 
 SMOOTHING_S = 0.5  # a few Gaussians over phase make a staircase of speeds; nobody lifts in steps
 RESTING = 0.05  # share of the top speed below which the task rests
+INTERVENES_M_PER_S = 0.06  # V0: what it costs to correct by so much is what it costs to be one spread off
+LEAST_SPREAD_M = 0.003  # a few lessons agree by chance
+GAINS_PER_S = (2.0, 10.0)  # a delay of 50 ms bears no more, and less would not come to the end
 AT_START = 0.08  # share of the extent: who begins so near to where lessons began, begins where they did
-AS_NEAR = 0.1  # share of the extent: parts of the path that lie so near to the nearest one are as near
+AS_NEAR = 0.15  # share of the extent: parts of the path that lie so near to the nearest one are as near
 
 
 class PhaseReference:
@@ -24,6 +29,7 @@ class PhaseReference:
     position, velocity, force   (N, d) at N equal steps of phase; velocity is d position / d phase
     way          (N,) length of the path up to each row [m]; extent_m, how far from its start it ever leads
     spread       (N,) how far lessons lay from it [m]
+    gain         (N,) how firmly it is tracked there, beside the law's attraction; 1 unless `tracked` says more
     slack_m      how much earlier than this the shortest lesson ended, along the last of the way
     """
 
@@ -39,13 +45,14 @@ class PhaseReference:
         self.extent_m = float(np.linalg.norm(self.position - self.position[0], axis=1).max())
         self.top_speed = float(np.linalg.norm(self.velocity, axis=1).max())
         self.spread = np.zeros(len(position)) if spread is None else spread
+        self.gain = np.ones(len(position))
         self.slack_m = (
             0.0 if ends is None else max(0.0, float(((self.position[-1] - ends) @ self.heading(self.duration_s)).max()))
         )
         self._last = len(position) - 1
         # the same tables as floats: of one or two axes Python's own arithmetic takes a fifth of numpy's time
         self._rows = {"position": self.position.tolist(), "velocity": self.velocity.tolist(), "force": self.force.tolist()}
-        self._way = self.way.tolist()
+        self._way, self._gain = self.way.tolist(), self.gain.tolist()
 
     @classmethod
     def taught(cls, path: TaughtPath) -> PhaseReference:
@@ -98,6 +105,23 @@ class PhaseReference:
     def _expected(clock: Gmm, group: str, phase: Array) -> Array:
         return regress(clock, PHASE, group, phase[:, None], weights="mixture-with-priors").mean
 
+    def tracked(self, attraction_per_s: float) -> PhaseReference:
+        """The same path under minimal intervention (LQT): firm where lessons agreed, compliant where they differed.
+
+        The tracking error e of a hand that is sent at velocity u, de/dt = -u, is to cost the least of
+
+            J = integral of e^2 / spread(s)^2 + u^2 / V0^2 ds        u = lambda(s) e,   lambda = V0^2 P
+            -dP/ds = 1 / spread^2 - V0^2 P^2                         (Riccati, backward from where it rests at the end)
+
+        Raises TrainingError where lessons do not say how far they differ.
+        """
+        if not self.spread.any():
+            raise TrainingError("law 'lqt' needs lessons that differ, and the skill does not say how far: learn it from several")
+        other = copy(self)
+        other.gain = _riccati(np.maximum(self.spread, LEAST_SPREAD_M), self.step_s) / attraction_per_s
+        other._gain = other.gain.tolist()
+        return other
+
     def at(self, table: Array, phase_s: float) -> Array:
         """A row (d,) of `position`, `velocity` or `force` between the table's points; held outside."""
         place = min(max(phase_s / self.step_s, 0.0), float(self._last))
@@ -119,6 +143,13 @@ class PhaseReference:
         n = min(int(place), self._last - 1)
         share = place - n
         return self.length_m - ((1.0 - share) * self._way[n] + share * self._way[n + 1])
+
+    def gain_at(self, phase_s: float) -> float:
+        """`gain` between the table's points."""
+        place = min(max(phase_s / self.step_s, 0.0), float(self._last))
+        n = min(int(place), self._last - 1)
+        share = place - n
+        return (1.0 - share) * self._gain[n] + share * self._gain[n + 1]
 
     def heading(self, phase_s: float, ahead_m: float | None = None) -> Array:
         """Direction (d,) of the path over the `ahead_m` after `phase_s` (default: a tenth of the extent); at its end its last."""
@@ -170,6 +201,17 @@ class PhaseReference:
 
     def _phases(self) -> Array:
         return np.asarray(self.step_s * np.arange(len(self.position)))
+
+
+def _riccati(spread: Array, step_s: float) -> Array:
+    """lambda (N,) [1/s] of `PhaseReference.tracked`: implicit, so that a firm part needs no finer steps."""
+    firm = INTERVENES_M_PER_S / spread  # what it comes to where the spread does not change
+    gain = np.empty(len(spread))
+    gain[-1] = firm[-1]
+    for n in range(len(spread) - 2, -1, -1):  # lambda_n + h lambda_n^2 = lambda_(n + 1) + h firm^2
+        known = gain[n + 1] + step_s * firm[n] ** 2
+        gain[n] = 2.0 * known / (1.0 + np.sqrt(1.0 + 4.0 * step_s * known))
+    return np.clip(gain, *GAINS_PER_S)
 
 
 def _smoothed(table: Array, step_s: float) -> Array:

@@ -352,7 +352,8 @@ class RoleSkill:
         if a > 0.0:
             reference = self._led(x, force)
         law = self._offering if self._state == PROBES and self._gives else self._laws[round(50 * a)]
-        self._compliance.step(law, force - self._expected, reference, self._nothing)
+        going = self._meant * self._pace.going if self._state == LEADS else None
+        self._compliance.step(law, force - self._expected, reference, self._nothing, going=going)
         command_velocity(law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
     def _blended(self) -> float:
@@ -436,7 +437,10 @@ class RoleSkill:
         policy, wanted = self.policy, self._pace.velocity
         along, speed = float(self._pull @ wanted) / max(_length(wanted), 1e-3), _length(self._velocity)
         pushed = -along > policy.insist_n + policy.insist_ns_per_m * speed
-        under_way = self._pace.clock[LED_S] > policy.insist_s and self._meant >= 1.0 and _length(wanted) > policy.resting_m_per_s
+        going = self._pace.going > policy.resting_m_per_s
+        # at the end of the way, a few mm off is no place that he holds
+        asks = policy.resting_m_per_s if going else self._pace.law.attraction_per_s * policy.finished_m
+        under_way = self._pace.clock[LED_S] > policy.insist_s and self._meant >= 1.0 and _length(wanted) > asks
         held = under_way and speed < policy.held_m_per_s and _length(self._pull) > policy.resting_n
         self._held_s[0] = max(self._held_s[0] + (self._dt if held else -self._dt), 0.0)
         if self._answered(pushed or along > policy.ahead_n, policy.insist_s) or self._held_s[0] >= policy.held_s:

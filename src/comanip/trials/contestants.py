@@ -8,12 +8,13 @@ lead, straight by minimum jerk between the lessons' ends in their time; told not
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from ..errors import ParameterError
-from ..interfaces import Skill
+from ..interfaces import Array, Skill
 from ..learned.skill import LearnedSkill
 from ..parts import LAWS, known
-from ..reproduction import enveloped, make_auto, make_skill, references_of
+from ..reproduction import enveloped, goal_of, make_auto, make_skill, references_of
 from ..skills.baselines import ActivePassive, Homotopy, MassDamper, MinimumJerkFollower, RigidMinimumJerk, VariableDamping
 from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill, Watch
 from ..skills.reference import PhaseReference
@@ -25,12 +26,33 @@ TUNED = {
 }  # best by success, then effort, of a grid on training partners (docs/results.md)
 
 
-def contestant(law: str, role: str, learned: Mapping[str, LearnedSkill], *, dt: float, envelope: bool = True) -> Skill:
+def told(learned: Mapping[str, LearnedSkill], goal: Array) -> Mapping[str, LearnedSkill]:
+    """The skills with the path of the goal near this place first, which is the one that is led to."""
+
+    def first(one: LearnedSkill) -> LearnedSkill:
+        n = goal_of(one, goal) or 0
+        return replace(one, paths=(*one.paths[n : n + 1], *one.paths[:n], *one.paths[n + 1 :]))
+
+    return {role: first(one) for role, one in learned.items()}
+
+
+def contestant(
+    law: str,
+    role: str,
+    learned: Mapping[str, LearnedSkill],
+    *,
+    dt: float,
+    envelope: bool = True,
+    goal: Array | None = None,
+) -> Skill:
     """The skill that `law`, of `parts.LAWS`, stands for, told `role` ("auto": told nothing). A baseline takes from the lessons
     only where they end.
 
+    goal   (d,) [m] where the task is to end, for who leads: of several taught goals, baselines too take the nearest
+
     Raises ParameterError for a law that is unknown, that cannot do without being told its role, or without skills of both roles.
     """
+    learned = learned if goal is None else told(learned, goal)
     part, axes = known("law", law, LAWS), any_of(learned).axes
     if role == "auto" and not part.untold:
         able = ", ".join(name for name, other in LAWS.items() if other.untold)
@@ -137,7 +159,7 @@ def active_passive(role: str, learned: Mapping[str, LearnedSkill], dt: float) ->
 
 
 ABLATION = {  # role -> what the default law is compared with, the same law without lessons first
-    "leader": ("without-lessons", "rigid", "minimum-jerk", "mass-damper", "variable-damping", "homotopy"),
+    "leader": ("without-lessons", "even", "rigid", "minimum-jerk", "mass-damper", "variable-damping", "homotopy"),
     "follower": ("without-lessons", "minimum-jerk", "mass-damper", "variable-damping", "homotopy"),
     "auto": ("without-lessons", "mass-damper", "variable-damping", "homotopy"),
 }

@@ -15,7 +15,7 @@ from ..parallel import each
 from ..parts import PLANTS, known
 from ..plants.beam import Beam, WristSensor
 from ..recording import Recording
-from ..tasks import named
+from ..tasks import named, usual, way
 from .cases import TASK, Case, partner_of
 from .contestants import contestant
 from .foreign import stated_by
@@ -132,11 +132,18 @@ def one_run(
     partner: MakePartner = partner_of,
 ) -> tuple[Recording, Verdict]:
     """The recording of one case, and the verdict on it."""
-    skill = contestant(law, case.role, learned, dt=dt)
+    skill = contestant(law, case.role, learned, dt=dt, goal=told_goal(case))
     with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
         recording = unbroken(run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law}))
         ends = learned["leader" if "leader" in learned else case.role].ends
         return recording, judge(case, recording, taught_ends_m=ends, lessons_clearance_m=clearance(learned))
+
+
+def told_goal(case: Case) -> Array | None:
+    """(d,) [m] where a robot that leads is told to lead to, of a task with several goals; None: not told, or no need."""
+    if case.role != "leader" or len(case.task.goals) < 2:
+        return None
+    return np.asarray(case.task.start + way(case.task, usual(case.task, case.drawn.goal)).course.end)
 
 
 def clearance(learned: Mapping[str, LearnedSkill]) -> float | None:
