@@ -96,13 +96,17 @@ def classify(
     /,
     *,
     skill: Annotated[list[Path], Parameter(name="--skill")],
+    after_s: Annotated[float | None, Parameter(help="Judge by the first so many seconds alone.")] = None,
     data: Data = DataFlags(),
     json: Json = False,
 ) -> None:
-    """Tell which skill each recording shows: comanip classify run.csv --skill leader.json --skill follower.json"""
+    """Tell which skill each recording shows: comanip classify run.csv --skill leader.json --skill follower.json
+
+    "neither" takes part: a recording that scores as no unseen lesson of the likeliest skill does shows none of them.
+    """
     from . import learning as command
 
-    command.classify(files, skill, data, json)
+    command.classify(files, skill, after_s, data, json)
 
 
 @app.command

@@ -152,40 +152,42 @@ def _print_axes(found: Sequence[Prediction], axes: Sequence[str], units: Mapping
     table("By axis, median over the recordings", ("axis", "one-step R²", "RMSE", "free run RMSE"), rows)
 
 
-def classify(files: Sequence[Path], skills: Sequence[Path], data: DataFlags, json: bool) -> None:
-    from ..evaluation import prediction
+def classify(files: Sequence[Path], skills: Sequence[Path], after_s: float | None, data: DataFlags, json: bool) -> None:
+    from ..evaluation.recognition import recognise
 
     if len(skills) < 2:
         raise ParameterError("give at least two skills to tell apart: --skill leader.json --skill follower.json")
     learned = [skill_file.load(path) for path in skills]
-    lessons = read_each(files, _at_rate(data, learned[0]))
     names = [str(path) for path in skills]
     found: list[dict[str, Any]] = []
-    for lesson in lessons:
-        posterior = dict(zip(names, prediction.classify(learned, lesson).tolist(), strict=True))
-        known = dict(zip(names, prediction.familiar(learned, lesson), strict=True))
-        best = max(posterior, key=posterior.__getitem__)
-        shows = best if known[best] >= prediction.KNOWN_SHARE else NEITHER
-        found.append({"name": lesson.name, "posterior": posterior, "familiar": known, "best": shows})
+    for lesson in read_each(files, _at_rate(data, learned[0])):
+        seen = recognise(learned, lesson, after_s=after_s)
+        found.append(
+            {
+                "name": lesson.name,
+                "posterior": dict(zip(names, seen.posterior.tolist(), strict=True)),
+                "none": seen.none,
+                "score_per_frame": dict(zip(names, seen.scores.tolist(), strict=True)),
+                "unit": seen.unit,
+                "best": NEITHER if seen.best is None else names[seen.best],
+            }
+        )
     if json:
         print_json({"files": found})
         return
-    rows = [
-        (e["name"], *(f"{e['posterior'][n]:.4f} ({100 * e['familiar'][n]:.0f} %)" for n in names), _stem(e["best"]))
-        for e in found
-    ]
-    table("Posterior of each skill (frames that it knows)", ("recording", *[Path(n).stem for n in names], "shows"), rows)
-    say(
-        "frames that it knows: of those in motion, the share that lies where the skill's own lessons were; a recording of which "
-        f"the likelier skill knows less than {100 * prediction.KNOWN_SHARE:.0f} % shows {NEITHER}"
-    )
+    rows = [(e["name"], *(f"{e['posterior'][n]:.3f}" for n in names), f"{e['none']:.3f}", _stem(e["best"])) for e in found]
+    stems = [Path(n).stem for n in names]
+    until = "" if after_s is None else f" after {after_s:g} s"
+    table(f"Probability of each skill{until}", ("recording", *stems, f"{NEITHER} of these", "shows"), rows)
+    for line in explained(("probability", "neither")):
+        say(line)
+    if not seen.learned:
+        say(
+            "a skill without scores of lessons left out (an older file, a stream, other channels) has a doubt that is only stated"
+        )
 
 
 NEITHER = "neither"
-
-
-def _weighed(entry: Mapping[str, Any], skill: str) -> str:
-    return f"{entry['posterior'][skill]:.4f} ({100 * entry['familiar'][skill]:.0f} %)"
 
 
 def _stem(best: str) -> str:

@@ -22,6 +22,8 @@ WORDS = {
     "one-step R²": "share of the velocity's variance that is foreseen from position and force: 1 all, 0 no better than the mean",
     "free run": "the skill goes from the first frame on with the recorded force alone; its distance from the recorded path",
     "log p per frame": "log-likelihood: how well the recording fits the skill's Gaussians; only differences mean something",
+    "probability": "of each skill, in doubt as the skills' own lessons are when they are left out (docs/results.md)",
+    "neither": "the recording fits the likeliest skill as none of that skill's unseen lessons does",
     "∂v/∂F": "how velocity answers force: > 0 goes where it is pulled, a follower; < 0 leads",
     "∂v/∂x": "how velocity answers position: < 0 returns to the path",
     "loop gain": "of eq. (5) with a partner of 600 N/m: below 1 dies away, above 1 shakes (the default law has its own)",

@@ -1,4 +1,4 @@
-"""How well a skill's model predicts recordings: the numbers of `comanip evaluate` and `comanip classify`.
+"""How well a skill's model predicts recordings: the numbers of `comanip evaluate`.
 
 one step   v_hat of eq. (5) from this frame's position and force; the state weights of eq. (4) have seen position and force up to
            this frame and velocity up to the frame BEFORE it, so nothing that is predicted is given
@@ -13,15 +13,13 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
-from ..errors import ChannelError, ParameterError
+from ..errors import ParameterError
 from ..interfaces import Array
 from ..learned.skill import LearnedSkill, learn
 from ..lessons.demonstration import Demonstration
 from ..loop import run, unbroken
 from ..models.filtering import ForwardFilter
-from ..models.gaussian import marginal
 from ..models.gmr import Regression
 from ..models.hmm import log_likelihood
 from ..plants.replay import ReplayPlant
@@ -173,58 +171,6 @@ def _take(lesson: Demonstration, number: int) -> tuple[str, str]:
     """Which recording a lesson is: its own, unless it is a fragment."""
     name, cut, _ = lesson.name.rpartition("#")
     return (lesson.source, name) if cut else (f"lesson {number}", "")
-
-
-def classify(skills: Sequence[LearnedSkill], lesson: Demonstration) -> Array:
-    """(S,) posterior of each skill given the whole lesson, equal priors.
-
-    Likelihoods are compared over the channels that all skills share, so a skill with fewer channels gets no advantage.
-    """
-    shared = _shared_channels(skills)
-    scores = np.array([_shared_likelihood(s, lesson, shared) for s in skills])
-    weights = np.exp(scores - scores.max())
-    return np.asarray(weights / weights.sum())
-
-
-KNOWN_SHARE = 0.25  # of a recording's frames: with fewer it shows something else
-KNOWN_QUANTILE = 0.999
-MOVING_SHARE = 0.1  # of a recording's top speed
-
-
-def familiar(skills: Sequence[LearnedSkill], lesson: Demonstration) -> list[float]:
-    """For each skill the share of moving frames that lie where its own lessons were, over the channels that all share.
-
-    At rest all tasks look alike; so the frames count in which something moves at more than a tenth of the top speed.
-
-    A frame is known when some state's 99.9 % ellipsoid holds it, position taken with the doubt of a start beside the taught one.
-    A posterior only compares: of two skills one is always the likelier, also for a recording of neither.
-    """
-    shared = _shared_channels(skills)
-    speed = np.linalg.norm(lesson.velocity, axis=1)
-    frames = lesson.array(shared)[speed >= MOVING_SHARE * speed.max()]
-    return [_known_share(s, frames, shared) for s in skills]
-
-
-def _known_share(learned: LearnedSkill, frames: Array, shared: Sequence[str]) -> float:
-    model = blurred(learned.model, _doubt(learned, WEIGHT_DOUBT))
-    means, covariances = marginal(model.means, model.covariances, [model.channels.index(c) for c in shared])
-    apart = frames[:, None, :] - means  # (T, K, D)
-    squared = np.einsum("tki,kij,tkj->tk", apart, np.linalg.inv(covariances), apart)
-    return float((squared.min(axis=1) < chi2.ppf(KNOWN_QUANTILE, len(shared))).mean())
-
-
-def _shared_channels(skills: Sequence[LearnedSkill]) -> list[str]:
-    shared = [c for c in skills[0].model.channels if all(c in s.model.channels for s in skills)]
-    if not shared:
-        raise ChannelError("the skills share no channel, so their likelihoods cannot be compared")
-    return shared
-
-
-def _shared_likelihood(learned: LearnedSkill, lesson: Demonstration, shared: Sequence[str]) -> float:
-    frames = np.full((len(lesson), learned.model.n_channels), np.nan)
-    columns = [learned.model.channels.index(c) for c in shared]
-    frames[:, columns] = lesson.array(shared)
-    return float(log_likelihood(learned.model, [frames])[0])
 
 
 def _doubt(learned: LearnedSkill, share: float) -> dict[str, float]:

@@ -22,6 +22,7 @@ from ..models.hmm import Hmm
 from ..models.stability import stability, warnings_of
 from ..models.taught_path import TaughtPath, taught_paths
 from ..recording import Passed, check_role, frozen
+from .held_out import held_out_scores
 
 LAWS = ("default", "paper")
 STATES = {"default": 10, "paper": 5}  # 5 is the paper's; 10 predicts better on every set that was tried (docs/results.md)
@@ -165,6 +166,9 @@ def learn(
             "bic": fit.bic,
             "n_frames": fit.n_frames,
             "topology": topology,
+            "held_out": held_out_scores(
+                fit.model, frames, topology=topology, covariance_floor=covariance_floor, allow_constant=allow_constant
+            ),
         },
         paths=paths,
         onsets_s=onsets_s,
