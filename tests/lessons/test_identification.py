@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from comanip.errors import ParameterError
+from comanip.errors import ChannelError, ParameterError
+from comanip.formats import Columns, read
 from comanip.formats.frames import rotate
 from comanip.lessons.admittance import admittance, units_of
-from comanip.lessons.demonstration import Demonstration
+from comanip.lessons.demonstration import Demonstration, Preparation, demonstration
+from comanip.lessons.identification import identify, interaction_only
 from comanip.lessons.wrench import carried, turned_by
+from comanip.recording import Channel, Recording
 from comanip.signals.links import linked
 
 G0 = 9.80665
@@ -224,3 +229,73 @@ def test_what_a_person_pulls_is_the_rest():
 def test_too_few_frames_are_refused():
     with pytest.raises(ParameterError, match="too few"):
         linked(np.ones((6, 1, 2)), np.ones((6, 1)), DT)
+
+
+def recorded(force, position, velocity, name="hand.force", frame="task", **more):
+    channels = {"hand.position": (position, "m"), "hand.velocity": (velocity, "m/s"), name: (force, "N"), **more}
+    axes = ("x", "y", "z")[-position.shape[1] :]
+    return Recording(
+        {n: Channel(T, v, u, frame, ("w", "x", "y", "z") if n == "hand.orientation" else axes) for n, (v, u) in channels.items()},
+        {"name": "made", "role": "follower"},
+    )
+
+
+@pytest.mark.filterwarnings("ignore::comanip.errors.ComanipWarning")
+def test_the_clean_force_of_an_admittance_is_on_the_motions_clock_and_without_its_bias():
+    x, v, a = motion(T, 0, 1)
+    _, late_v, late_a = motion(T - 0.015, 0, 1)
+    found = identify(recorded(2.0 * late_a + 15.0 * late_v + 3.0, x, v))
+    clean = interaction_only(found)
+    middle = slice(100, -100)
+    assert clean["hand.force"].values[middle] == pytest.approx((2.0 * a + 15.0 * v)[middle], abs=0.15)
+    assert (clean["hand.force_recorded"].values == found.lesson.force).all()
+    assert any("moved by -15" in n for n in clean.metadata["notes"])
+    assert demonstration(clean).force == pytest.approx(clean["hand.force"].values)
+
+
+@pytest.mark.filterwarnings("ignore::comanip.errors.ComanipWarning")
+def test_the_clean_force_of_a_raw_sensor_is_what_the_partner_pulls():
+    rng = np.random.default_rng(8)
+    x, v, a = motion(T, 3, 1)
+    person = 2.0 * np.convolve(rng.normal(size=len(T)), np.ones(80) / np.sqrt(80.0), "same")[:, None]
+    found = identify(recorded(1.4 * (GRAVITY[2:] - a) + person, x, v, name="hand.sensor_force"))
+    assert found.raw
+    assert found.load.mass_kg[0] == pytest.approx(1.4, abs=0.05)
+    middle = slice(200, -200)
+    left = interaction_only(found)["hand.force"].values[middle] - (person - person.mean())[middle]
+    assert np.abs(left).mean() < 0.4
+
+
+@pytest.mark.filterwarnings("ignore::comanip.errors.ComanipWarning")
+def test_a_wrench_that_was_turned_into_the_world_is_weighed_in_the_hand():
+    """Same frame as the position: a bias of the sensor turns with the hand there, and only in the hand it stands still."""
+    x = motion(T, 3, 3)[0]
+    force, _, v, q = sensed(1.4, BIAS, CENTRE, TORQUE_BIAS)
+    world = rotate(q, force)
+    found = identify(recorded(world, x, v, name="hand.sensor_force", **{"hand.orientation": (q, "")}))
+    assert found.load.mass_kg[0] == pytest.approx(1.4, abs=0.02)
+    assert found.load.bias[0] == pytest.approx(BIAS, abs=0.1)
+    assert np.abs(interaction_only(found)["hand.force"].values[200:-200]).mean() < 0.1
+
+
+def test_a_recording_without_force_is_refused():
+    x = motion(T, 0, 1)[0]
+    with pytest.raises(ChannelError, match="no force to identify"):
+        identify(Recording({"hand.position": Channel(T, x, "m", "task", ("x",))}))
+
+
+@pytest.mark.filterwarnings("ignore::comanip.errors.ComanipWarning")
+def test_the_law_of_an_exoskeleton_is_found():
+    """Its authors state I 0.01, B 0.03 a degree; their integrator's half step makes the force 2 ms late."""
+    path = Path(__file__).resolve().parents[3] / "shared/data/asu_reaches/TaskClass_data2.csv"
+    if not path.exists():
+        pytest.skip("the real recording ../shared/data/asu_reaches is not here")
+    pair = {"position": "ADMI_{}_pos", "velocity": "ADMI_{}_vel", "force": "{}_torque"}
+    names = {n: tuple(form.format(axis) for axis in ("pitch", "yaw")) for n, form in pair.items()}
+    columns = Columns(**names, time="time_stamp", axes="pitch,yaw", position_unit="deg", velocity_unit="deg/s", force_unit="N m")
+    law = identify(read(path, columns)[0], Preparation(plausible=None)).law
+    assert (law.terms, law.explains) == ("M D", True)
+    for axis in range(2):
+        assert np.radians(law.inertia[axis].value) == pytest.approx(0.01, rel=0.03)
+        assert np.radians(law.damping[axis].value) == pytest.approx(0.03, rel=0.01)
+    assert law.offset.value == pytest.approx(0.002, abs=5e-4)

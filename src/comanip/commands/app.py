@@ -21,7 +21,9 @@ app = App(
     help="Teach a robot to handle things together with a person, by demonstration, with force.",
     help_format="plaintext",
 )
-_DATA = Group("Reading data (learn, evaluate, classify, inspect and convert; reproduce for --force-from)", sort_key=10)
+_DATA = Group(
+    "Reading data (learn, evaluate, classify, inspect, convert and doctor-force; reproduce for --force-from)", sort_key=10
+)
 _LEARN = Group("Learning", sort_key=5)
 
 Data = Annotated[DataFlags, Parameter(name="*", group=_DATA)]
@@ -330,6 +332,29 @@ def doctor(*, json: Json = False) -> None:
     from . import doctor as command
 
     command.doctor(json)
+
+
+@app.command
+def doctor_force(
+    files: Annotated[list[Path], Parameter(consume_multiple=True)],
+    /,
+    *,
+    out: Annotated[
+        Path | None, Parameter(name=["--out", "-o"], help="Write the clean interaction force as .mcap or .csv.")
+    ] = None,
+    data: Data = DataFlags(),
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Say what a recording shows of its own force: comanip doctor-force lift.csv -o clean.csv
+
+    Clock of force against motion, bias, and "an admittance M, D, K explains this recording to R² ..."; of a raw force
+    (--sensor-force) and of a hand that turns also mass, centre of mass, gravity and the sensor's mount. Each with its
+    standard error, or why the motion does not show it.
+    """
+    from . import identifying as command
+
+    command.doctor_force(files, out, data, overwrite, json)
 
 
 @app.command

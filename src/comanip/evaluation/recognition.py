@@ -104,7 +104,7 @@ def _expected(model: Hmm, shared: Sequence[str]) -> float:
     columns = [model.channels.index(c) for c in shared]
     covariances = model.covariances[:, columns][:, :, columns]
     wide = covariances + np.diag(DOUBT**2 * np.einsum("kii->ki", covariances).mean(axis=0))
-    return float(np.mean(-0.5 * np.linalg.slogdet(2.0 * np.pi * np.e * wide)[1]))
+    return float(np.mean(-0.5 * (len(columns) + np.linalg.slogdet(2.0 * np.pi * wide)[1])))
 
 
 def _shared_channels(skills: Sequence[LearnedSkill]) -> list[str]:

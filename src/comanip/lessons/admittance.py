@@ -25,6 +25,7 @@ EXPLAINED = 0.9  # R² from which a law explains a recording
 RATE_PER_CUTOFF = 12.0  # frames a period of the cutoff: more say nothing new
 TERMS: Mapping[str, tuple[str, ...]] = {"M": ("M",), "D": ("D",), "K": ("K",), "M D": ("M", "D"), "D K": ("D", "K"),
                                         "M K": ("M", "K"), "M D K": ("M", "D", "K")}  # fmt: skip
+LEAST_UNEXPLAINED = 1e-4  # of the variance: less is how a derivative was taken, and no term of a law
 SURE_S = 0.02  # an offset with a larger standard error is not known
 
 
@@ -103,7 +104,7 @@ def _simplest(signals: Mapping[str, Array], dt: float, cutoff: float, offsets: b
     best: tuple[float, str, Link] | None = None
     for name, terms in TERMS.items():
         link = _linked(signals, terms, dt, offsets)
-        cost = independent * math.log(max(1.0 - link.r2, 1e-9)) + (len(terms) + 1) * math.log(independent)
+        cost = independent * math.log(max(1.0 - link.r2, LEAST_UNEXPLAINED)) + (len(terms) + 1) * math.log(independent)
         if best is None or cost < best[0]:
             best = cost, name, link
     assert best is not None

@@ -26,7 +26,7 @@ class Link(NamedTuple):
     values, errors       (p,) and their standard errors
     offset_s, offset_error_s  how much LATER the force is stamped than the motion [s]; nan where no offset was looked for
     r2                   share of the force's variance that is explained, over all axes
-    residual             (T, d) what is not, on the motion's clock; zero outside `inside`
+    residual             (T, d) what is not, on the motion's clock
     inside               which frames (start, stop) were fitted
     """
 
@@ -50,7 +50,7 @@ def linked(columns: Array, force: Array, dt: float, *, reach_s: float = 0.0) -> 
     if frames - 2 * edge < 4 * p:
         raise ParameterError(f"{frames} frames are too few for {p} unknowns and offsets up to {reach_s:g} s; record longer")
     inside = slice(edge, frames - edge)
-    time = dt * np.arange(frames)
+    time: Array = dt * np.arange(frames, dtype=np.float64)
     problem = _Problem(columns[inside], _curve(time, force), time[inside])
     everything = np.ones(len(time[inside]), dtype=bool)
     offset = problem.best_offset(everything, reach_s) if reach_s > 0.0 else 0.0
@@ -64,8 +64,7 @@ def linked(columns: Array, force: Array, dt: float, *, reach_s: float = 0.0) -> 
     spread = np.array(scattered)
     errors = np.sqrt((len(spread) - 1) / len(spread) * ((spread - spread.mean(axis=0)) ** 2).sum(axis=0))
     target = problem.target(offset)
-    rest = np.zeros_like(force)
-    rest[inside] = target - columns[inside] @ values
+    rest = problem.curve(np.clip(time + offset, time[0], time[-1])) - columns @ values
     total = float(((target - target.mean(axis=0)) ** 2).sum())
     r2 = 1.0 - float((rest[inside] ** 2).sum()) / total if total > 0.0 else math.nan
     found = (offset, float(errors[0])) if reach_s > 0.0 else (math.nan, math.nan)
@@ -87,14 +86,14 @@ def _lowest(cost: Callable[[float], float], low: float, high: float) -> float:
 class _Problem:
     """One regression for many offsets: the columns are decomposed once for each choice of frames."""
 
-    def __init__(self, columns: Array, force: Any, time: Array) -> None:
-        self._columns, self._force, self._time = columns, force, time
+    def __init__(self, columns: Array, curve: Any, time: Array) -> None:
+        self._columns, self.curve, self._time = columns, curve, time
         self._scale = np.sqrt((columns**2).mean(axis=(0, 1)))
         self._scale[self._scale == 0.0] = 1.0
         self._last: tuple[bytes, Array] | None = None
 
     def target(self, offset: float) -> Array:
-        return np.asarray(self._force(self._time + offset))
+        return np.asarray(self.curve(self._time + offset))
 
     def solve(self, kept: np.ndarray, offset: float) -> Array:
         x, y = self._stacked(kept), self.target(offset)[kept].reshape(-1)
