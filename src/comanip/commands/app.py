@@ -121,8 +121,12 @@ def inspect(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Show what recordings or skill files hold: channels, units, rates, states, notes."""
-    from . import learning as command
+    """Show what recordings or skill files hold, and make every check that learning makes: comanip inspect lift.csv
+
+    Findings are ranked, with one line of advice that is the next command. Without a mapping the columns of a foreign file are
+    listed with their ranges. --plot draws channels, rest, gaps and spectra.
+    """
+    from . import inspecting as command
 
     command.inspect(files, plot, data, overwrite, json)
 

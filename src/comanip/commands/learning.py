@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import ParameterError, SkillFileError
+from ..errors import ParameterError
 from ..learned import file as skill_file
 from ..learned.skill import LAWS, STATES, LearnedSkill
 from ..learned.skill import learn as learn_skill
 from ..lessons.demonstration import Demonstration
 from .console import note, print_json, print_notes, progress, say, say_if_slow, stages, table
 from .flags import DataFlags, LearnFlags
-from .outputs import may_draw, may_write
+from .outputs import may_write
 from .reading import beyond_memory, read_each, read_lessons, read_recordings, reader_of
-from .units import scale_of, slope_scale, unit_of
+from .units import scale_of, unit_of
 from .words import explained
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, 
     skill_file.save(learned, out)
     result = {
         "skill": str(out),
-        **_summary(learned),
+        **summary(learned),
         "read_s": round(read_s, 4),
         "learn_s": round(learn_s, 4),
     }
@@ -80,7 +80,7 @@ def _learn_stream(files: Sequence[Path], out: Path, data: DataFlags, flags: Lear
     learn_s = time.perf_counter() - started
     skill_file.save(learned, out)
     if json:
-        print_json({"skill": str(out), **_summary(learned), "learn_s": round(learn_s, 4)})
+        print_json({"skill": str(out), **summary(learned), "learn_s": round(learn_s, 4)})
         return
     what = learned.provenance
     say(f"{out}: {learned.role or 'role not stated'}, law {learned.law}, {learned.model.n_states} states over {', '.join(names)}")
@@ -194,26 +194,6 @@ def _stem(best: str) -> str:
     return best if best == NEITHER else Path(best).stem
 
 
-def inspect(files: Sequence[Path], plot: Path | None, data: DataFlags, overwrite: bool, json: bool) -> None:
-    may_draw(plot, inputs=files, overwrite=overwrite)
-    results: list[dict[str, Any]] = []
-    skills = {file: skill_file.load(file) for file in files if file.suffix == ".json"}
-    recordings = [(file, r) for file in files if file not in skills for r in read_recordings([file], data)]
-    for file, learned in skills.items():
-        results.append({"skill": str(file), **_summary(learned), "states": _states(learned)})
-    for file, recording in recordings:
-        results.append({"recording": str(file), **_contents(recording)})
-    if plot is not None:
-        _draw(plot, skills, [f for f in files if f not in skills], data)
-    if json:
-        print_json(results)
-        return
-    for result in results:
-        _print_skill(result) if "skill" in result else _print_recording(result)
-    if plot is not None:
-        say(f"drawn into {plot}")
-
-
 def convert(file: Path, out: Path, data: DataFlags, overwrite: bool, json: bool) -> None:
     from ..formats import write, write_all
     from ..lessons.regrid import regridded
@@ -292,7 +272,7 @@ def _at_rate(data: DataFlags, learned: LearnedSkill) -> DataFlags:
     return data if data.resample_hz is not None else replace(data, resample_hz=1.0 / learned.dt)
 
 
-def _summary(learned: LearnedSkill) -> dict[str, Any]:
+def summary(learned: LearnedSkill) -> dict[str, Any]:
     what = learned.provenance
     return {
         "role": learned.role,
@@ -310,101 +290,3 @@ def _summary(learned: LearnedSkill) -> dict[str, Any]:
         "bic": what.get("bic"),
         "notes": list(learned.notes),
     }
-
-
-def _states(learned: LearnedSkill) -> list[dict[str, Any]]:
-    """One entry a state: centre, spread, and the slope of velocity on force, the sign of a role."""
-    from ..models.gmr import Regression
-    from ..models.stability import PARTNERS, stability
-
-    model, found = learned.model, stability(learned.model)
-    regression = Regression(model, [c for c in model.channels if not c.startswith("velocity.")], "velocity")
-    force = [i for i, c in enumerate(regression.inputs) if c.startswith("force.")]
-    spread = np.sqrt(np.einsum("kii->ki", model.covariances))
-    stay = np.diag(model.transition)
-    return [
-        {
-            "state": k + 1,  # as in pictures: from 1, in order of time
-            "mean": dict(zip(model.channels, model.means[k].tolist(), strict=True)),
-            "std": dict(zip(model.channels, spread[k].tolist(), strict=True)),
-            "expected_duration_s": float(learned.dt / max(1.0 - stay[k], 1e-12)) if stay[k] < 1.0 else None,
-            "velocity_per_force": regression.gains[k][:, force].tolist() if force else None,
-            "contraction_per_s": float(found.contraction[k]),
-            "loop_gain": {f"{p.stiffness_n_per_m:g} N/m": _finite(g) for p, g in zip(PARTNERS, found.loop_gain[k], strict=True)},
-        }
-        for k in range(model.n_states)
-    ]
-
-
-def _finite(value: float) -> float | str:
-    return float(value) if np.isfinite(value) else "unstable"
-
-
-def _contents(recording: Any) -> dict[str, Any]:
-    channels = {}
-    for name, c in recording.channels.items():
-        gaps = np.diff(c.time)
-        channels[name] = {
-            "axes": list(c.axes),
-            "unit": c.unit,
-            "frame": c.frame,
-            "frames": len(c.time),
-            "rate_hz": float(1.0 / np.median(gaps)) if len(gaps) else None,
-            "min": np.min(c.values, axis=0).tolist() if len(c.time) else [],
-            "max": np.max(c.values, axis=0).tolist() if len(c.time) else [],
-        }
-    return {"duration_s": recording.duration_s, "channels": channels, "metadata": dict(recording.metadata)}
-
-
-def _print_skill(result: dict[str, Any]) -> None:
-    say(
-        f"{result['skill']}: {result['role'] or 'role not stated'}, law {result['law']}, {len(result['states'])} states, "
-        f"{len(result['lessons'])} lessons at {result['rate_hz']:g} Hz"
-    )
-    channels = result["channels"]
-    own = [
-        (unit_of(result["units"], "velocity", i, "m/s"), unit_of(result["units"], "force", i, "N"))
-        for i in range(len(result["axes"]))
-    ]
-    answers = [slope_scale(*one) for one in own]
-    answer = ", ".join(dict.fromkeys(one.unit for one in answers))
-    rows = []
-    for s in result["states"]:
-        cells = [f"{s['mean'][c]:+.3f} ± {s['std'][c]:.3f}" for c in channels]
-        slope = s["velocity_per_force"]
-        along = " ".join(f"{one.factor * row[i]:+.1f}" for i, (one, row) in enumerate(zip(answers, slope or (), strict=False)))
-        gains = " ".join(g if isinstance(g, str) else f"{g:.2g}" for g in list(s["loop_gain"].values())[-1:])
-        rows.append((s["state"], *cells, along, f"{s['contraction_per_s']:+.2g}", gains))
-    table("States", ("state", *channels, f"∂v/∂F {answer}", "∂v/∂x 1/s", "loop gain"), rows)
-    for line in explained(("∂v/∂F", "∂v/∂x", "loop gain")):
-        say(line)
-    print_notes(result["notes"])
-
-
-def _print_recording(result: dict[str, Any]) -> None:
-    rows = [
-        (
-            name,
-            ",".join(c["axes"]),
-            c["unit"] or "?",
-            c["frames"],
-            f"{c['rate_hz']:.4g}" if c["rate_hz"] else "",
-            " ".join(f"{v:.3g}" for v in c["min"]),
-            " ".join(f"{v:.3g}" for v in c["max"]),
-        )
-        for name, c in result["channels"].items()
-    ]
-    title = f"{result['recording']} ({result['duration_s']:.2f} s)"
-    table(title, ("channel", "axes", "unit", "frames", "rate Hz", "min", "max"), rows)
-    print_notes(result["metadata"].get("notes", ()))
-
-
-def _draw(plot: Path, skills: dict[Path, LearnedSkill], files: Sequence[Path], data: DataFlags) -> None:
-    from ..evaluation import drawing as figures
-
-    if skills and files:
-        raise SkillFileError("--plot draws skills or recordings, not both at once")
-    if skills:
-        figures.save(figures.skills({path.stem: s for path, s in skills.items()}), plot)
-    else:
-        figures.save(figures.demonstrations(read_lessons(files, data)), plot)
