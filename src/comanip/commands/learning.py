@@ -90,6 +90,7 @@ def _learn_stream(files: Sequence[Path], out: Path, data: DataFlags, flags: Lear
 
 def evaluate(files: Sequence[Path], leave_one_out: bool, data: DataFlags, flags: LearnFlags, json: bool) -> None:
     from ..evaluation import prediction
+    from ..evaluation.forecasting import leave_one_out as foreseen
 
     if leave_one_out:
         if files and files[0].suffix == ".json":
@@ -97,25 +98,32 @@ def evaluate(files: Sequence[Path], leave_one_out: bool, data: DataFlags, flags:
         lessons = read_lessons(files, data)
         say_if_slow()
         with progress("learning on the others") as report:
-            found = prediction.leave_one_out(lessons, progress=report, **_options(lessons, flags, role=data.role))
+            options = _options(lessons, flags, role=data.role)
+            found = prediction.leave_one_out(lessons, progress=report, **options)
+        forecasts = foreseen(lessons, lambda others: learn_skill(others, **options), prediction.takes_of(lessons))
         source = "leave-one-out"
     else:
         if len(files) < 2:
             raise ParameterError("give a skill file and recordings: comanip evaluate skill.json lesson*.csv, or --leave-one-out")
         learned = skill_file.load(files[0])
         lessons = read_each(files[1:], _at_rate(data, learned))
-        found = [prediction.predict(learned, lesson) for lesson in lessons]
+        found, forecasts = [prediction.predict(learned, lesson) for lesson in lessons], []
         source = str(files[0])
     units = learned.units if not leave_one_out else lessons[0].units
     overall, medians = prediction.overall(found), prediction.medians(found)
     if json:
         about = {"overall": overall, "median": medians, "units": dict(units)}
-        print_json({"skill": source, "files": [p._asdict() for p in found], **about})
+        told = [p._asdict() | ({"forecast": forecasts[i]._asdict()} if forecasts else {}) for i, p in enumerate(found)]
+        print_json({"skill": source, "files": told, **about})
         return
     _print_predictions(source, found, (overall, medians), units)
+    _print_beside(found, medians, units)
+    if forecasts:
+        _print_forecasts(forecasts, units)
     if len(lessons[0].axes) > 1:
         _print_axes(found, lessons[0].axes, units)
-    for line in explained(("one-step R²", "free run", "log p per frame")):
+    words = ("one-step R²", "free run", "log p per frame", "v(t−1)", "persistence", *(("forecast",) if forecasts else ()))
+    for line in explained(words):
         say(line)
 
 
@@ -139,6 +147,48 @@ def _print_predictions(
         say(f"{len(fragments)} of {len(found)} rows are fragments of recordings that were cut at gaps: {', '.join(fragments)}")
     if still := [p.name for p in found if p.one_step_velocity_r2 != p.one_step_velocity_r2]:
         say(f"nothing moves in {', '.join(still)}: no R² there, and means are over the others")
+
+
+def _print_beside(found: Sequence[Prediction], medians: Mapping[str, float], units: Mapping[str, str]) -> None:
+    """The same figures of rules that know nothing of the task: what ours must be better than to be worth anything."""
+    place = scale_of(units.get("position", "m"))
+
+    def cells(p: Mapping[str, Any]) -> list[str]:
+        lengths = ("free_run_position_rmse_m", "standing_still_rmse_m", "mean_lesson_rmse_m")
+        likelihoods = ("log_likelihood_per_frame", "persistence_log_likelihood_per_frame")
+        return [
+            *(_known(p[n], f"{p[n]:.4f}") for n in ("one_step_velocity_r2", "last_velocity_r2")),
+            *(_known(p[n], place.shown(p[n])) for n in lengths),
+            *(_known(p[n], f"{p[n]:.2f}") for n in likelihoods),
+        ]
+
+    columns = (
+        "recording",
+        "R²: ours",
+        "v(t−1)",
+        f"free run: ours {place.unit}",
+        "stands still",
+        "mean lesson",
+        "log p: ours",
+        "persistence",
+    )
+    table("Beside it", columns, [(p.name, *cells(p._asdict())) for p in found], footers=[("median", *cells(medians))])
+
+
+def _known(value: float, shown: str) -> str:
+    return shown if value == value else "-"
+
+
+def _print_forecasts(forecasts: Sequence[Any], units: Mapping[str, str]) -> None:
+    place = scale_of(units.get("position", "m"))
+    rows = []
+    for h, horizon in enumerate(forecasts[0].horizons_s):
+        several = [[getattr(f, name)[h] for f in forecasts] for name in ("ours", "ridge", "rmse_m")]
+        if np.isnan(several[0]).all():
+            continue
+        ours, ridge, rmse = (float(np.nanmedian(values)) for values in several)
+        rows.append((f"{horizon:g} s", f"{ours:.3f}", f"{ridge:.3f}", place.shown(rmse)))
+    table("Forecasts, median over the recordings", ("after", "forecast: ours", "ridge", f"RMSE of ours {place.unit}"), rows)
 
 
 def _print_axes(found: Sequence[Prediction], axes: Sequence[str], units: Mapping[str, str]) -> None:

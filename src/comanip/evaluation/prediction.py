@@ -24,6 +24,7 @@ from ..models.gmr import Regression
 from ..models.hmm import log_likelihood
 from ..plants.replay import ReplayPlant
 from ..skills.paper import PaperLaw, PaperSkill, blurred, law_from, taught_range
+from .yardsticks import MeanLesson, last_velocity, persistence_log_likelihood, standing_still
 
 # chosen on simulated lessons of three kinds (follower, leader, hand-guided admittance), ten sets, leave-one-out; docs/results.md
 FREE_RUN = PaperLaw(
@@ -56,6 +57,11 @@ class Prediction(NamedTuple):
     free_run_position_rmse_m: float
     free_run_end_error_m: float
     free_run_position_rmse_per_axis: list[float]
+    # beside them, of rules that know nothing of the task (`yardsticks`); nan where lessons to take them from are not at hand
+    last_velocity_r2: float = float("nan")
+    standing_still_rmse_m: float = float("nan")
+    mean_lesson_rmse_m: float = float("nan")
+    persistence_log_likelihood_per_frame: float = float("nan")
 
 
 PER_AXIS = ("one_step_velocity_r2_per_axis", "one_step_velocity_rmse_per_axis", "free_run_position_rmse_per_axis")
@@ -66,10 +72,11 @@ OVERALL = (
     "free_run_end_error_m",
     "log_likelihood_per_frame",
 )
+BESIDE = ("last_velocity_r2", "standing_still_rmse_m", "mean_lesson_rmse_m", "persistence_log_likelihood_per_frame")
 
 
-def predict(learned: LearnedSkill, lesson: Demonstration) -> Prediction:
-    """All figures for one lesson at the skill's own rate."""
+def predict(learned: LearnedSkill, lesson: Demonstration, others: Sequence[Demonstration] = ()) -> Prediction:
+    """All figures for one lesson at the skill's own rate; `others`: the lessons it was learned from, for rules that need some."""
     frames = _frames(learned, lesson)
     likelihood = float(log_likelihood(learned.model, [frames])[0])
     r2, r2_axes, rmse, rmse_axes = _fit_of(one_step_velocity(learned, lesson), lesson.velocity)
@@ -86,7 +93,24 @@ def predict(learned: LearnedSkill, lesson: Demonstration) -> Prediction:
         free_run_position_rmse_m=float(np.sqrt((apart**2).sum(axis=1).mean())),
         free_run_end_error_m=float(np.linalg.norm(apart[-1])),
         free_run_position_rmse_per_axis=np.sqrt((apart**2).mean(axis=0)).tolist(),
+        last_velocity_r2=_fit_of(last_velocity(lesson), lesson.velocity)[0],
+        standing_still_rmse_m=_rmse(standing_still(lesson), lesson),
+        **_from_lessons(learned, lesson, others),
     )
+
+
+def _from_lessons(learned: LearnedSkill, lesson: Demonstration, others: Sequence[Demonstration]) -> dict[str, float]:
+    if not others:
+        return {}
+    frames = [x.array(learned.model.channels) for x in others]
+    found = {"persistence_log_likelihood_per_frame": persistence_log_likelihood(_frames(learned, lesson), frames)}
+    if all("force" in x.signals for x in (*others, lesson)):
+        found["mean_lesson_rmse_m"] = _rmse(MeanLesson.of(others).path(lesson), lesson)
+    return found
+
+
+def _rmse(path: Array, lesson: Demonstration) -> float:
+    return float(np.sqrt(((path - lesson.position) ** 2).sum(axis=1).mean()))
 
 
 def overall(predictions: Sequence[Prediction]) -> dict[str, float]:
@@ -100,7 +124,7 @@ def medians(predictions: Sequence[Prediction]) -> dict[str, float]:
 
 
 def _over(predictions: Sequence[Prediction], typical: Callable[[Array], Any]) -> dict[str, float]:
-    values = {name: np.array([getattr(p, name) for p in predictions], dtype=float) for name in OVERALL}
+    values = {name: np.array([getattr(p, name) for p in predictions], dtype=float) for name in (*OVERALL, *BESIDE)}
     return {name: float("nan") if np.isnan(v).all() else float(typical(v)) for name, v in values.items()}
 
 
@@ -154,17 +178,22 @@ def leave_one_out(
 
     Fragments of one recording (cut at gaps: name#0, name#1) are left out together: one would teach what is asked of the other.
     """
-    takes = [_take(lesson, i) for i, lesson in enumerate(lessons)]
+    takes = takes_of(lessons)
     if len(set(takes)) < 2:
         fragments = f", in {len(lessons)} fragments" if len(lessons) > 1 else ""
         raise ParameterError(f"leave-one-out needs at least 2 recordings; got {len(set(takes))}{fragments}")
     found = []
     for i, lesson in enumerate(lessons):
         others = [other for other, take in zip(lessons, takes, strict=True) if take != takes[i]]
-        found.append(predict(learn(others, **learning), lesson))
+        found.append(predict(learn(others, **learning), lesson, others))
         if progress is not None:
             progress(i + 1, len(lessons))
     return found
+
+
+def takes_of(lessons: Sequence[Demonstration]) -> list[tuple[str, str]]:
+    """Which recording each lesson is of: pieces of one that was cut at gaps share theirs."""
+    return [_take(lesson, i) for i, lesson in enumerate(lessons)]
 
 
 def _take(lesson: Demonstration, number: int) -> tuple[str, str]:

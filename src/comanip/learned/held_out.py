@@ -61,12 +61,12 @@ def held_out_scores(model: Hmm, frames: Sequence[Array], **fit_options: Any) -> 
     found: dict[int, float] = {}
     for fold in range(folds):
         others = [x for i, x in enumerate(frames) if i % folds != fold]
-        if (again := _refitted(model, others, fit_options)) is not None:
+        if (again := refitted(model, others, fit_options)) is not None:
             found |= {i: score(again, frames[i]) for i in range(fold, len(frames), folds)}
     return [found[i] for i in sorted(found) if np.isfinite(found[i])]
 
 
-def _refitted(model: Hmm, others: Sequence[Array], options: dict[str, Any]) -> Hmm | None:
+def refitted(model: Hmm, others: Sequence[Array], options: dict[str, Any]) -> Hmm | None:
     """In silence: what is to be said of the lessons was said when all of them were learned from."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
