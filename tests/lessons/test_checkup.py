@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from comanip.formats.listing import listed
+from comanip.learned.skill import learn
 from comanip.lessons.checkup import STOPS, SUSPICIOUS, checkup, stretches
 from comanip.recording import Channel, Recording
 
@@ -108,3 +109,14 @@ def test_columns_are_listed_with_ranges_units_and_what_their_names_suggest(tmp_p
     assert word.problem
     np.savez(tmp_path / "t.npz", a=np.arange(5.0))
     assert [(c.name, c.high) for c in listed(tmp_path / "t.npz")] == [("a", 4.0)]
+
+
+def test_fewer_frames_than_states_can_be_learned_from_get_a_word(lessons):
+    """Ten states over six channels from 72 frames: 270 numbers."""
+    from dataclasses import replace
+
+    short = [replace(x, signals={n: np.hstack([v, v[::-1]])[100:124] for n, v in x.signals.items()}, axes=("x", "z"), signal_axes={})
+             for x in lessons["leader"][:3]]  # fmt: skip
+    with pytest.warns(UserWarning, match="72 frames for 10 states of 6 channels; least 140.*n_states=5"):
+        learned = learn(short)
+    assert any("72 frames" in note for note in learned.notes)

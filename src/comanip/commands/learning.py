@@ -99,7 +99,7 @@ def evaluate(files: Sequence[Path], leave_one_out: bool, data: DataFlags, flags:
         say_if_slow()
         with progress("learning on the others") as report:
             options = _options(lessons, flags, role=data.role)
-            found = prediction.leave_one_out(lessons, progress=report, **options)
+            found = prediction.leave_one_out(lessons, progress=report, choose=True, **options)
         forecasts = foreseen(lessons, lambda others: learn_skill(others, **options), prediction.takes_of(lessons))
         source = "leave-one-out"
     else:
@@ -152,27 +152,25 @@ def _print_predictions(
 def _print_beside(found: Sequence[Prediction], medians: Mapping[str, float], units: Mapping[str, str]) -> None:
     """The same figures of rules that know nothing of the task: what ours must be better than to be worth anything."""
     place = scale_of(units.get("position", "m"))
+    chosen = [p.chosen for p in found if p.chosen]
+    own = (("skill_velocity_r2",), ("skill_path_rmse_m",), ("skill's",)) if chosen else ((), (), ())
+    figures = ("one_step_velocity_r2", *own[0], "last_velocity_r2")
+    lengths = ("free_run_position_rmse_m", *own[1], "standing_still_rmse_m", "mean_lesson_rmse_m")
+    likelihoods = ("log_likelihood_per_frame", "persistence_log_likelihood_per_frame")
 
     def cells(p: Mapping[str, Any]) -> list[str]:
-        lengths = ("free_run_position_rmse_m", "standing_still_rmse_m", "mean_lesson_rmse_m")
-        likelihoods = ("log_likelihood_per_frame", "persistence_log_likelihood_per_frame")
         return [
-            *(_known(p[n], f"{p[n]:.4f}") for n in ("one_step_velocity_r2", "last_velocity_r2")),
+            *(_known(p[n], f"{p[n]:.4f}") for n in figures),
             *(_known(p[n], place.shown(p[n])) for n in lengths),
             *(_known(p[n], f"{p[n]:.2f}") for n in likelihoods),
         ]
 
-    columns = (
-        "recording",
-        "R²: ours",
-        "v(t−1)",
-        f"free run: ours {place.unit}",
-        "stands still",
-        "mean lesson",
-        "log p: ours",
-        "persistence",
-    )
-    table("Beside it", columns, [(p.name, *cells(p._asdict())) for p in found], footers=[("median", *cells(medians))])
+    ways = (f"free run {place.unit}: ours", *own[2], "still", "mean lesson")
+    columns = ("recording", "R²: ours", *own[2], "v(t−1)", *ways, "log p: ours", "persistence")
+    rows = [(p.name, *cells(p._asdict())) for p in found]
+    table("Beside it", columns, rows, footers=[("median", *cells(medians))])
+    for rule in dict.fromkeys(chosen):
+        say(f"ours, as the other lessons choose ({chosen.count(rule)} of {len(found)}): {rule}")
 
 
 def _known(value: float, shown: str) -> str:

@@ -9,7 +9,7 @@ among lessons left out.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -66,13 +66,16 @@ def held_out_scores(model: Hmm, frames: Sequence[Array], **fit_options: Any) -> 
     return [found[i] for i in sorted(found) if np.isfinite(found[i])]
 
 
-def refitted(model: Hmm, others: Sequence[Array], options: dict[str, Any]) -> Hmm | None:
-    """In silence: what is to be said of the lessons was said when all of them were learned from."""
+def refitted(model: Hmm, others: Sequence[Array], options: Mapping[str, Any]) -> Hmm | None:
+    """The model after a few steps of EM on `others`."""
+    return fitted(others, model.n_states, model.channels, {**options, "initial_guess": model, "max_iterations": ITERATIONS})
+
+
+def fitted(frames: Sequence[Array], n_states: int, channels: Sequence[str], options: Mapping[str, Any]) -> Hmm | None:
+    """In silence, and None where nothing can be learned: what is to be said of the lessons was said when `learn` saw them."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            return fit_hmm(
-                others, model.n_states, channels=model.channels, initial_guess=model, max_iterations=ITERATIONS, **options
-            ).model
+            return fit_hmm(frames, n_states, channels=channels, **options).model
         except ComanipError:
             return None

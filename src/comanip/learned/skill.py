@@ -14,7 +14,7 @@ from .. import __version__
 from ..errors import ChannelError, MismatchError, ParameterError, check_generator
 from ..fitting.hmm import fit_hmm
 from ..interfaces import Array
-from ..lessons.agreement import lessons_only
+from ..lessons.agreement import few_frames, lessons_only
 from ..lessons.demonstration import Demonstration, check_set, require
 from ..models.clock import learn_clock
 from ..models.gmm import Gmm
@@ -139,6 +139,7 @@ def learn(
         allow_constant=allow_constant,
     )
     notes.extend(fit.notes)
+    notes.extend(few_frames(fit.n_frames, fit.model.n_states, len(channels)))
     notes.extend(stability_notes(fit.model, law, role or lessons[0].role, settings or {}))
     dt = lessons[0].dt
     ordered = topology == "left-right" and fit.model.n_states > 1
