@@ -115,8 +115,11 @@ def test_fewer_frames_than_states_can_be_learned_from_get_a_word(lessons):
     """Ten states over six channels from 72 frames: 270 numbers."""
     from dataclasses import replace
 
-    short = [replace(x, signals={n: np.hstack([v, v[::-1]])[100:124] for n, v in x.signals.items()}, axes=("x", "z"), signal_axes={})
-             for x in lessons["leader"][:3]]  # fmt: skip
+    def cut(lesson):
+        signals = {n: np.hstack([v, v[::-1]])[100:124] for n, v in lesson.signals.items()}
+        return replace(lesson, signals=signals, axes=("x", "z"), signal_axes={})
+
+    short = [cut(x) for x in lessons["leader"][:3]]
     with pytest.warns(UserWarning, match="72 frames for 10 states of 6 channels; least 140.*n_states=5"):
         learned = learn(short)
     assert any("72 frames" in note for note in learned.notes)
