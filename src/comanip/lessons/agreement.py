@@ -94,7 +94,7 @@ def few_frames(n_frames: int, n_states: int, n_channels: int) -> list[str]:
     notes: list[str] = []
     suspect(
         notes,
-        f"{n_frames} frames for {n_states} states of {n_channels} channels; least {least}: the covariances would be mostly floor; "
+        f"{n_frames} frames for {n_states} states of {n_channels} channels; least {least}: covariances would be mostly floor; "
         f"record more, or learn with n_states={fits}",
     )
     return notes
