@@ -57,7 +57,7 @@ def test_learn_evaluate_classify_on_foreign_csv(folder, tmp_path):
         assert learned["channels"] == ["position.z", "force.z", "velocity.z"]
         assert len(learned["lessons"]) == 5
         result = answer("evaluate", tmp_path / f"{role}.json", folder / f"{role}_5.csv", *FLAGS)
-        assert set(result["overall"]) == {
+        assert set(result["overall"]) >= {
             "one_step_velocity_r2",
             "one_step_velocity_rmse",
             "free_run_position_rmse_m",

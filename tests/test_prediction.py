@@ -1,4 +1,4 @@
-"""evaluate and classify: the numbers mean what their names say."""
+"""evaluate: the numbers mean what their names say."""
 
 from __future__ import annotations
 
@@ -71,14 +71,6 @@ def test_leave_one_out_never_sees_the_lesson_it_predicts(lessons, monkeypatch):
         assert len(others) == 2
     with pytest.raises(ParameterError, match="at least 2"):
         prediction.leave_one_out(lessons["leader"][:1])
-
-
-def test_lessons_are_recognised_by_the_skill_of_their_role(skills, lessons):
-    both = [skills["leader"], skills["follower"]]
-    for n, role in enumerate(("leader", "follower")):
-        posterior = prediction.classify(both, lessons[role][5])
-        assert posterior.sum() == pytest.approx(1.0)
-        assert posterior[n] > 0.99
 
 
 def test_another_rate_is_refused_with_the_remedy(skills, lessons):

@@ -68,7 +68,8 @@ _PUBLIC = {
     # Evaluation and trials
     "predict": "comanip.evaluation.prediction",
     "leave_one_out": "comanip.evaluation.prediction",
-    "classify": "comanip.evaluation.prediction",
+    "classify": "comanip.evaluation.recognition",
+    "recognise": "comanip.evaluation.recognition",
     "draw_case": "comanip.trials",
     "run_case": "comanip.trials",
     "run_cases": "comanip.trials",
@@ -102,9 +103,10 @@ _OWN_NAME = {"save_skill": "save", "load_skill": "load"}  # where the module has
 
 if TYPE_CHECKING:  # the same once more for type checkers and editors; a test compares the two
     from .errors import ComanipError as ComanipError
-    from .evaluation.prediction import classify as classify
     from .evaluation.prediction import leave_one_out as leave_one_out
     from .evaluation.prediction import predict as predict
+    from .evaluation.recognition import classify as classify
+    from .evaluation.recognition import recognise as recognise
     from .fitting.climb import Fit as Fit
     from .fitting.gmm import fit_gmm as fit_gmm
     from .fitting.hmm import fit_hmm as fit_hmm

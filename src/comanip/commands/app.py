@@ -21,7 +21,9 @@ app = App(
     help="Teach a robot to handle things together with a person, by demonstration, with force.",
     help_format="plaintext",
 )
-_DATA = Group("Reading data (learn, evaluate, classify, inspect and convert; reproduce for --force-from)", sort_key=10)
+_DATA = Group(
+    "Reading data (learn, evaluate, classify, inspect, convert and doctor-force; reproduce for --force-from)", sort_key=10
+)
 _LEARN = Group("Learning", sort_key=5)
 
 Data = Annotated[DataFlags, Parameter(name="*", group=_DATA)]
@@ -100,13 +102,17 @@ def classify(
     /,
     *,
     skill: Annotated[list[Path], Parameter(name="--skill")],
+    after_s: Annotated[float | None, Parameter(help="Judge by the first so many seconds alone.")] = None,
     data: Data = DataFlags(),
     json: Json = False,
 ) -> None:
-    """Tell which skill each recording shows: comanip classify run.csv --skill leader.json --skill follower.json"""
+    """Tell which skill each recording shows: comanip classify run.csv --skill leader.json --skill follower.json
+
+    "neither" takes part: a recording that scores as no unseen lesson of the likeliest skill does shows none of them.
+    """
     from . import learning as command
 
-    command.classify(files, skill, data, json)
+    command.classify(files, skill, after_s, data, json)
 
 
 @app.command
@@ -119,8 +125,12 @@ def inspect(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Show what recordings or skill files hold: channels, units, rates, states, notes."""
-    from . import learning as command
+    """Show what recordings or skill files hold, and make every check that learning makes: comanip inspect lift.csv
+
+    Findings are ranked, with one line of advice that is the next command. Without a mapping the columns of a foreign file are
+    listed with their ranges. --plot draws channels, rest, gaps and spectra.
+    """
+    from . import inspecting as command
 
     command.inspect(files, plot, data, overwrite, json)
 
@@ -336,6 +346,29 @@ def doctor(*, json: Json = False) -> None:
     from . import doctor as command
 
     command.doctor(json)
+
+
+@app.command
+def doctor_force(
+    files: Annotated[list[Path], Parameter(consume_multiple=True)],
+    /,
+    *,
+    out: Annotated[
+        Path | None, Parameter(name=["--out", "-o"], help="Write the clean interaction force as .mcap or .csv.")
+    ] = None,
+    data: Data = DataFlags(),
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Say what a recording shows of its own force: comanip doctor-force lift.csv -o clean.csv
+
+    Clock of force against motion, bias, and "an admittance M, D, K explains this recording to R² ..."; of a raw force
+    (--sensor-force) and of a hand that turns also mass, centre of mass, gravity and the sensor's mount. Each with its
+    standard error, or why the motion does not show it.
+    """
+    from . import identifying as command
+
+    command.doctor_force(files, out, data, overwrite, json)
 
 
 @app.command

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import ParameterError, SkillFileError
+from ..errors import ParameterError
 from ..learned import file as skill_file
 from ..learned.learn import learn as learn_skill
 from ..learned.learn import states_of
@@ -18,9 +18,9 @@ from ..lessons.demonstration import Demonstration
 from ..parts import holding_several
 from .console import note, print_json, print_notes, progress, say, say_if_slow, stages, table
 from .flags import DataFlags, LearnFlags
-from .outputs import may_draw, may_write
+from .outputs import may_write
 from .reading import beyond_memory, read_each, read_lessons, read_recordings, reader_of
-from .units import scale_of, slope_scale, unit_of
+from .units import scale_of, unit_of
 from .words import explained
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def learn(files: Sequence[Path], out: Path, data: DataFlags, flags: LearnFlags, 
     skill_file.save(learned, out)
     result = {
         "skill": str(out),
-        **_summary(learned),
+        **summary(learned),
         "read_s": round(read_s, 4),
         "learn_s": round(learn_s, 4),
     }
@@ -82,7 +82,7 @@ def _learn_stream(files: Sequence[Path], out: Path, data: DataFlags, flags: Lear
     learn_s = time.perf_counter() - started
     skill_file.save(learned, out)
     if json:
-        print_json({"skill": str(out), **_summary(learned), "learn_s": round(learn_s, 4)})
+        print_json({"skill": str(out), **summary(learned), "learn_s": round(learn_s, 4)})
         return
     what = learned.provenance
     say(f"{out}: {learned.role or 'role not stated'}, law {learned.law}, {learned.model.n_states} states over {', '.join(names)}")
@@ -92,6 +92,7 @@ def _learn_stream(files: Sequence[Path], out: Path, data: DataFlags, flags: Lear
 
 def evaluate(files: Sequence[Path], leave_one_out: bool, data: DataFlags, flags: LearnFlags, json: bool) -> None:
     from ..evaluation import prediction
+    from ..evaluation.forecasting import leave_one_out as foreseen
 
     if leave_one_out:
         if files and files[0].suffix == ".json":
@@ -99,25 +100,32 @@ def evaluate(files: Sequence[Path], leave_one_out: bool, data: DataFlags, flags:
         lessons = read_lessons(files, data)
         say_if_slow()
         with progress("learning on the others") as report:
-            found = prediction.leave_one_out(lessons, progress=report, **_options(lessons, flags, role=data.role))
+            options = _options(lessons, flags, role=data.role)
+            found = prediction.leave_one_out(lessons, progress=report, choose=True, **options)
+        forecasts = foreseen(lessons, lambda others: learn_skill(others, **options), prediction.takes_of(lessons))
         source = "leave-one-out"
     else:
         if len(files) < 2:
             raise ParameterError("give a skill file and recordings: comanip evaluate skill.json lesson*.csv, or --leave-one-out")
         learned = skill_file.load(files[0])
         lessons = read_each(files[1:], _at_rate(data, learned))
-        found = [prediction.predict(learned, lesson) for lesson in lessons]
+        found, forecasts = [prediction.predict(learned, lesson) for lesson in lessons], []
         source = str(files[0])
     units = learned.units if not leave_one_out else lessons[0].units
     overall, medians = prediction.overall(found), prediction.medians(found)
     if json:
         about = {"overall": overall, "median": medians, "units": dict(units)}
-        print_json({"skill": source, "files": [p._asdict() for p in found], **about})
+        told = [p._asdict() | ({"forecast": forecasts[i]._asdict()} if forecasts else {}) for i, p in enumerate(found)]
+        print_json({"skill": source, "files": told, **about})
         return
     _print_predictions(source, found, (overall, medians), units)
+    _print_beside(found, medians, units)
+    if forecasts:
+        _print_forecasts(forecasts, units)
     if len(lessons[0].axes) > 1:
         _print_axes(found, lessons[0].axes, units)
-    for line in explained(("one-step R²", "free run", "log p per frame")):
+    words = ("one-step R²", "free run", "log p per frame", "v(t−1)", "persistence", *(("forecast",) if forecasts else ()))
+    for line in explained(words):
         say(line)
 
 
@@ -143,6 +151,46 @@ def _print_predictions(
         say(f"nothing moves in {', '.join(still)}: no R² there, and means are over the others")
 
 
+def _print_beside(found: Sequence[Prediction], medians: Mapping[str, float], units: Mapping[str, str]) -> None:
+    """The same figures of rules that know nothing of the task: what ours must be better than to be worth anything."""
+    place = scale_of(units.get("position", "m"))
+    chosen = [p.chosen for p in found if p.chosen]
+    own = (("skill_velocity_r2",), ("skill_path_rmse_m",), ("skill's",)) if chosen else ((), (), ())
+    figures = ("one_step_velocity_r2", *own[0], "last_velocity_r2")
+    lengths = ("free_run_position_rmse_m", *own[1], "standing_still_rmse_m", "mean_lesson_rmse_m")
+    likelihoods = ("log_likelihood_per_frame", "persistence_log_likelihood_per_frame")
+
+    def cells(p: Mapping[str, Any]) -> list[str]:
+        return [
+            *(_known(p[n], f"{p[n]:.4f}") for n in figures),
+            *(_known(p[n], place.shown(p[n])) for n in lengths),
+            *(_known(p[n], f"{p[n]:.2f}") for n in likelihoods),
+        ]
+
+    ways = (f"free run {place.unit}: ours", *own[2], "still", "mean lesson")
+    columns = ("recording", "R²: ours", *own[2], "v(t−1)", *ways, "log p: ours", "persistence")
+    rows = [(p.name, *cells(p._asdict())) for p in found]
+    table("Beside it", columns, rows, footers=[("median", *cells(medians))])
+    for rule in dict.fromkeys(chosen):
+        say(f"ours, as the other lessons choose ({chosen.count(rule)} of {len(found)}): {rule}")
+
+
+def _known(value: float, shown: str) -> str:
+    return shown if value == value else "-"
+
+
+def _print_forecasts(forecasts: Sequence[Any], units: Mapping[str, str]) -> None:
+    place = scale_of(units.get("position", "m"))
+    rows = []
+    for h, horizon in enumerate(forecasts[0].horizons_s):
+        several = [[getattr(f, name)[h] for f in forecasts] for name in ("ours", "ridge", "rmse_m")]
+        if np.isnan(several[0]).all():
+            continue
+        ours, ridge, rmse = (float(np.nanmedian(values)) for values in several)
+        rows.append((f"{horizon:g} s", f"{ours:.3f}", f"{ridge:.3f}", place.shown(rmse)))
+    table("Forecasts, median over the recordings", ("after", "forecast: ours", "ridge", f"RMSE of ours {place.unit}"), rows)
+
+
 def _print_axes(found: Sequence[Prediction], axes: Sequence[str], units: Mapping[str, str]) -> None:
     from ..evaluation.prediction import PER_AXIS
 
@@ -154,64 +202,46 @@ def _print_axes(found: Sequence[Prediction], axes: Sequence[str], units: Mapping
     table("By axis, median over the recordings", ("axis", "one-step R²", "RMSE", "free run RMSE"), rows)
 
 
-def classify(files: Sequence[Path], skills: Sequence[Path], data: DataFlags, json: bool) -> None:
-    from ..evaluation import prediction
+def classify(files: Sequence[Path], skills: Sequence[Path], after_s: float | None, data: DataFlags, json: bool) -> None:
+    from ..evaluation.recognition import recognise
 
     if len(skills) < 2:
         raise ParameterError("give at least two skills to tell apart: --skill leader.json --skill follower.json")
     learned = [skill_file.load(path) for path in skills]
-    lessons = read_each(files, _at_rate(data, learned[0]))
     names = [str(path) for path in skills]
     found: list[dict[str, Any]] = []
-    for lesson in lessons:
-        posterior = dict(zip(names, prediction.classify(learned, lesson).tolist(), strict=True))
-        known = dict(zip(names, prediction.familiar(learned, lesson), strict=True))
-        best = max(posterior, key=posterior.__getitem__)
-        shows = best if known[best] >= prediction.KNOWN_SHARE else NEITHER
-        found.append({"name": lesson.name, "posterior": posterior, "familiar": known, "best": shows})
+    for lesson in read_each(files, _at_rate(data, learned[0])):
+        seen = recognise(learned, lesson, after_s=after_s)
+        found.append(
+            {
+                "name": lesson.name,
+                "posterior": dict(zip(names, seen.posterior.tolist(), strict=True)),
+                "none": seen.none,
+                "score_per_frame": dict(zip(names, seen.scores.tolist(), strict=True)),
+                "unit": seen.unit,
+                "best": NEITHER if seen.best is None else names[seen.best],
+            }
+        )
     if json:
         print_json({"files": found})
         return
-    rows = [
-        (e["name"], *(f"{e['posterior'][n]:.4f} ({100 * e['familiar'][n]:.0f} %)" for n in names), _stem(e["best"]))
-        for e in found
-    ]
-    table("Posterior of each skill (frames that it knows)", ("recording", *[Path(n).stem for n in names], "shows"), rows)
-    say(
-        "frames that it knows: of those in motion, the share that lies where the skill's own lessons were; a recording of which "
-        f"the likelier skill knows less than {100 * prediction.KNOWN_SHARE:.0f} % shows {NEITHER}"
-    )
+    rows = [(e["name"], *(f"{e['posterior'][n]:.3f}" for n in names), f"{e['none']:.3f}", _stem(e["best"])) for e in found]
+    stems = [Path(n).stem for n in names]
+    until = "" if after_s is None else f" after {after_s:g} s"
+    table(f"Probability of each skill{until}", ("recording", *stems, f"{NEITHER} of these", "shows"), rows)
+    for line in explained(("probability", "neither")):
+        say(line)
+    if not seen.learned:
+        say(
+            "a skill without scores of lessons left out (an older file, a stream, other channels) has a doubt that is only stated"
+        )
 
 
 NEITHER = "neither"
 
 
-def _weighed(entry: Mapping[str, Any], skill: str) -> str:
-    return f"{entry['posterior'][skill]:.4f} ({100 * entry['familiar'][skill]:.0f} %)"
-
-
 def _stem(best: str) -> str:
     return best if best == NEITHER else Path(best).stem
-
-
-def inspect(files: Sequence[Path], plot: Path | None, data: DataFlags, overwrite: bool, json: bool) -> None:
-    may_draw(plot, inputs=files, overwrite=overwrite)
-    results: list[dict[str, Any]] = []
-    skills = {file: skill_file.load(file) for file in files if file.suffix == ".json"}
-    recordings = [(file, r) for file in files if file not in skills for r in read_recordings([file], data)]
-    for file, learned in skills.items():
-        results.append({"skill": str(file), **_summary(learned), "states": _states(learned)})
-    for file, recording in recordings:
-        results.append({"recording": str(file), **_contents(recording)})
-    if plot is not None:
-        _draw(plot, skills, [f for f in files if f not in skills], data)
-    if json:
-        print_json(results)
-        return
-    for result in results:
-        _print_skill(result) if "skill" in result else _print_recording(result)
-    if plot is not None:
-        say(f"drawn into {plot}")
 
 
 def convert(file: Path, out: Path, data: DataFlags, overwrite: bool, json: bool) -> None:
@@ -287,7 +317,7 @@ def _at_rate(data: DataFlags, learned: LearnedSkill) -> DataFlags:
     return data if data.resample_hz is not None else replace(data, resample_hz=1.0 / learned.dt)
 
 
-def _summary(learned: LearnedSkill) -> dict[str, Any]:
+def summary(learned: LearnedSkill) -> dict[str, Any]:
     what = learned.provenance
     return {
         "role": learned.role,
@@ -305,101 +335,3 @@ def _summary(learned: LearnedSkill) -> dict[str, Any]:
         "bic": what.get("bic"),
         "notes": list(learned.notes),
     }
-
-
-def _states(learned: LearnedSkill) -> list[dict[str, Any]]:
-    """One entry a state: centre, spread, and the slope of velocity on force, the sign of a role."""
-    from ..models.gmr import Regression
-    from ..models.stability import PARTNERS, stability
-
-    model, found = learned.model, stability(learned.model)
-    regression = Regression(model, [c for c in model.channels if not c.startswith("velocity.")], "velocity")
-    force = [i for i, c in enumerate(regression.inputs) if c.startswith("force.")]
-    spread = np.sqrt(np.einsum("kii->ki", model.covariances))
-    stay = np.diag(model.transition)
-    return [
-        {
-            "state": k + 1,  # as in pictures: from 1, in order of time
-            "mean": dict(zip(model.channels, model.means[k].tolist(), strict=True)),
-            "std": dict(zip(model.channels, spread[k].tolist(), strict=True)),
-            "expected_duration_s": float(learned.dt / max(1.0 - stay[k], 1e-12)) if stay[k] < 1.0 else None,
-            "velocity_per_force": regression.gains[k][:, force].tolist() if force else None,
-            "contraction_per_s": float(found.contraction[k]),
-            "loop_gain": {f"{p.stiffness_n_per_m:g} N/m": _finite(g) for p, g in zip(PARTNERS, found.loop_gain[k], strict=True)},
-        }
-        for k in range(model.n_states)
-    ]
-
-
-def _finite(value: float) -> float | str:
-    return float(value) if np.isfinite(value) else "unstable"
-
-
-def _contents(recording: Any) -> dict[str, Any]:
-    channels = {}
-    for name, c in recording.channels.items():
-        gaps = np.diff(c.time)
-        channels[name] = {
-            "axes": list(c.axes),
-            "unit": c.unit,
-            "frame": c.frame,
-            "frames": len(c.time),
-            "rate_hz": float(1.0 / np.median(gaps)) if len(gaps) else None,
-            "min": np.min(c.values, axis=0).tolist() if len(c.time) else [],
-            "max": np.max(c.values, axis=0).tolist() if len(c.time) else [],
-        }
-    return {"duration_s": recording.duration_s, "channels": channels, "metadata": dict(recording.metadata)}
-
-
-def _print_skill(result: dict[str, Any]) -> None:
-    say(
-        f"{result['skill']}: {result['role'] or 'role not stated'}, law {result['law']}, {len(result['states'])} states, "
-        f"{len(result['lessons'])} lessons at {result['rate_hz']:g} Hz"
-    )
-    channels = result["channels"]
-    own = [
-        (unit_of(result["units"], "velocity", i, "m/s"), unit_of(result["units"], "force", i, "N"))
-        for i in range(len(result["axes"]))
-    ]
-    answers = [slope_scale(*one) for one in own]
-    answer = ", ".join(dict.fromkeys(one.unit for one in answers))
-    rows = []
-    for s in result["states"]:
-        cells = [f"{s['mean'][c]:+.3f} ± {s['std'][c]:.3f}" for c in channels]
-        slope = s["velocity_per_force"]
-        along = " ".join(f"{one.factor * row[i]:+.1f}" for i, (one, row) in enumerate(zip(answers, slope or (), strict=False)))
-        gains = " ".join(g if isinstance(g, str) else f"{g:.2g}" for g in list(s["loop_gain"].values())[-1:])
-        rows.append((s["state"], *cells, along, f"{s['contraction_per_s']:+.2g}", gains))
-    table("States", ("state", *channels, f"∂v/∂F {answer}", "∂v/∂x 1/s", "loop gain"), rows)
-    for line in explained(("∂v/∂F", "∂v/∂x", "loop gain")):
-        say(line)
-    print_notes(result["notes"])
-
-
-def _print_recording(result: dict[str, Any]) -> None:
-    rows = [
-        (
-            name,
-            ",".join(c["axes"]),
-            c["unit"] or "?",
-            c["frames"],
-            f"{c['rate_hz']:.4g}" if c["rate_hz"] else "",
-            " ".join(f"{v:.3g}" for v in c["min"]),
-            " ".join(f"{v:.3g}" for v in c["max"]),
-        )
-        for name, c in result["channels"].items()
-    ]
-    title = f"{result['recording']} ({result['duration_s']:.2f} s)"
-    table(title, ("channel", "axes", "unit", "frames", "rate Hz", "min", "max"), rows)
-    print_notes(result["metadata"].get("notes", ()))
-
-
-def _draw(plot: Path, skills: dict[Path, LearnedSkill], files: Sequence[Path], data: DataFlags) -> None:
-    from ..evaluation import drawing as figures
-
-    if skills and files:
-        raise SkillFileError("--plot draws skills or recordings, not both at once")
-    if skills:
-        figures.save(figures.skills({path.stem: s for path, s in skills.items()}), plot)
-    else:
-        figures.save(figures.demonstrations(read_lessons(files, data)), plot)

@@ -14,7 +14,7 @@ from ..errors import ChannelError, check_generator
 from ..fitting.climb import Fit
 from ..fitting.hmm import fit_hmm
 from ..interfaces import Array
-from ..lessons.agreement import lessons_only
+from ..lessons.agreement import few_frames, lessons_only
 from ..lessons.demonstration import Demonstration, check_set, require
 from ..models.clock import learn_clock
 from ..models.gmm import Gmm
@@ -23,6 +23,7 @@ from ..models.stability import stability, warnings_of
 from ..models.taught_path import TaughtPath, taught_paths
 from ..parts import check_settings, known, learned_laws
 from ..recording import check_role
+from .held_out import held_out_scores
 from .skill import LearnedSkill
 
 SHAKING_N = 2.0  # an oscillation of this amplitude above the law's threshold is as much as one may ask a person to bear
@@ -93,6 +94,9 @@ def learn(
         units={g: lessons[0].units.get(g, "") for g in groups},
         lessons=[{"name": x.name, "source": x.source, "sha256": x.sha256, "frames": len(x)} for x in lessons],
         notes=[*dict.fromkeys(note for lesson in lessons for note in lesson.notes), *notes],
+        held_out=held_out_scores(
+            fit.model, frames, topology=topology, covariance_floor=covariance_floor, allow_constant=allow_constant
+        ),
     )
 
 
@@ -129,15 +133,18 @@ def assembled(
     units: Mapping[str, str],
     lessons: Sequence[Mapping[str, Any]],
     notes: Sequence[str],
+    held_out: Mapping[str, Any] | None = None,
 ) -> LearnedSkill:
     """The skill that a fit comes to, in which every way of learning ends.
 
     taught    paths and onsets (lessons,) [s], as `taught_paths` gives them
     lessons   what is told of each: its name, where it is from ...
+    held_out  scores of lessons left out, where they were taken
     notes     what was said of the lessons; notes of the fit, of stability and of goals come behind
     """
     paths, onsets_s = taught
-    said = [*notes, *fit.notes, *stability_notes(fit.model, law, role, settings), *goal_notes(paths, axes)]
+    few = few_frames(fit.n_frames, fit.model.n_states, len(fit.model.channels))
+    said = [*notes, *fit.notes, *few, *stability_notes(fit.model, law, role, settings), *goal_notes(paths, axes)]
     return LearnedSkill(
         model=fit.model,
         clock=clock,
@@ -158,6 +165,7 @@ def assembled(
             "bic": fit.bic,
             "n_frames": fit.n_frames,
             "topology": topology,
+            **({"held_out": held_out} if held_out else {}),
         },
         paths=paths,
         onsets_s=onsets_s,

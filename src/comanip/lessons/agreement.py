@@ -84,6 +84,22 @@ def check_set(lessons: Sequence[Demonstration], *, role: str | None = None) -> t
     return tuple(notes)
 
 
+def few_frames(n_frames: int, n_states: int, n_channels: int) -> list[str]:
+    """A word where there is less to learn from than is asked for: twice as many frames a state as its Gaussian has means and a
+    covariance to bear is the least that says anything."""
+    least = 2 * (n_channels + 1) * n_states
+    if n_frames >= least:
+        return []
+    fits = max(1, n_frames // (2 * (n_channels + 1)))
+    notes: list[str] = []
+    suspect(
+        notes,
+        f"{n_frames} frames for {n_states} states of {n_channels} channels; least {least}: covariances would be mostly floor; "
+        f"record more, or learn with n_states={fits}",
+    )
+    return notes
+
+
 def noted(lessons: Sequence[Demonstration], said: Sequence[str]) -> tuple[Demonstration, ...]:
     """The lessons, each with what `check_set` said of it among its notes, so that learning from them does not say it again."""
     more: dict[int, list[str]] = {}

@@ -148,7 +148,7 @@ def check_sensor(where: str, force: Channel, position: Channel, notes: list[str]
     if len(values) < 8 or not np.ptp(values, axis=0).any():  # constant throughout: another fault
         return
     frozen = [still for still in _stills(values) if force.time[still.last] - force.time[still.first] >= FROZEN_S]
-    moving = _moving_at(force.time, position)
+    moving = moving_at(force.time, position)
     noisy = _noisy_at_rest(values, moving, force.time, frozen)
     told = [s for s in frozen if moving[s.first : s.last + 1].mean() > 0.2 or (noisy and not moving[s.first : s.last + 1].all())]
     if told:
@@ -169,7 +169,7 @@ def _stills(values: Array) -> list[Still]:
     return [Still(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 2]
 
 
-def _moving_at(time: Array, position: Channel) -> np.ndarray:
+def moving_at(time: Array, position: Channel) -> np.ndarray:
     """(T,) whether the hand moves at stamps of another channel, from its position alone."""
     if len(position.time) < 8:
         return np.ones(len(time), dtype=bool)
