@@ -180,6 +180,16 @@ class CausalInteractionForce:
         self._filters = [Lowpass(cutoff_hz, dt) for _ in gravity]
         self.reset()
 
+    @property
+    def dt(self) -> float:
+        """Period of the ticks that it was made for [s]."""
+        return self._dt
+
+    @property
+    def n_axes(self) -> int:
+        """Number of axes that it was made for."""
+        return len(self._filters)
+
     def reset(self) -> None:
         """Forgets the past; the next good tick counts as rest."""
         for section in self._filters:
@@ -249,6 +259,16 @@ class TaringInteractionForce:
         self._dt, self._gravity, self._stated, self._share = dt, list(gravity), mass_kg, load_share
         self._ticks, self._moving, self._filtering = round(tare_s / dt), moving_m_per_s, filtering
         self.reset()
+
+    @property
+    def dt(self) -> float:
+        """Period of the ticks that it was made for [s]."""
+        return self._dt
+
+    @property
+    def n_axes(self) -> int:
+        """Number of axes that it was made for."""
+        return len(self._gravity)
 
     def reset(self) -> None:
         """Forgets what was weighed: the next window at rest counts."""

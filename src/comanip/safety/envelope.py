@@ -94,6 +94,16 @@ class Envelope(Situation, Bounds):
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes that it was made for."""
+        return self._axes
+
+    @property
+    def dt(self) -> float:
+        """Control period that it was made for [s]."""
+        return self._dt
+
+    @property
     def mode(self) -> str:
         """ "RUN", "COMPLY" or "HOLD"."""
         return NAMES[self._state]
