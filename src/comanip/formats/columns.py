@@ -44,6 +44,9 @@ NAME = {
 }
 
 
+UNUSED = "are not used: name them to use them"  # ends the note that lists columns which nobody asked for
+
+
 def to_si(unit: str, kind: str) -> tuple[str, float]:
     """(SI symbol, factor) of a unit; ParameterError names the units that a `kind` of signal may have."""
     found = UNITS.get(unit) or UNITS.get(ALIASES.get(unit.strip().lower(), ""))

@@ -14,7 +14,7 @@ from .. import __version__
 from ..errors import ChannelError, MismatchError, ParameterError, check_generator
 from ..fitting.hmm import fit_hmm
 from ..interfaces import Array
-from ..lessons.agreement import lessons_only
+from ..lessons.agreement import lessons_only, to_the_goal
 from ..lessons.demonstration import Demonstration, check_set, require
 from ..models.clock import learn_clock
 from ..models.gmm import Gmm
@@ -142,8 +142,10 @@ def learn(
     dt = lessons[0].dt
     ordered = topology == "left-right" and fit.model.n_states > 1
     positions = [lesson.position for lesson in lessons]
-    forces = [lesson.force if with_force else np.zeros_like(lesson.position) for lesson in lessons]
-    paths, onsets_s = taught_paths(positions, forces, dt) if ordered else ((), np.zeros(0))
+    whole = to_the_goal(lessons, notes)
+    ways = [lesson.position for lesson in whole]
+    forces = [lesson.force if with_force else np.zeros_like(lesson.position) for lesson in whole]
+    paths, onsets_s = taught_paths(ways, forces, dt) if ordered else ((), np.zeros(0))
     notes.extend(goal_notes(paths, lessons[0].axes))
     return LearnedSkill(
         model=fit.model,
@@ -152,7 +154,7 @@ def learn(
         axes=lessons[0].axes,
         dt=dt,
         workspace=workspace_around(positions),
-        ends=np.array([p[-1] for p in positions]),
+        ends=np.array([p[-1] for p in ways]),
         law=law,
         settings=settings or {},
         units={g: lessons[0].units.get(g, "") for g in groups},
