@@ -115,14 +115,15 @@ def learn(
     Raises TrainingError, ChannelError or RecordingError that name the lesson and what to do.
     """
     check_role(role)
-    lessons = [replace(one, role=role) if role and not one.role else one for one in lessons_only(demonstrations)]
+    given = lessons_only(demonstrations)
+    lessons = [replace(one, role=role) if role and not one.role else one for one in given]
     if law not in LAWS:
         raise ParameterError(f"law {law!r} is unknown; there are: {', '.join(LAWS)}")
     if rng is not None:
         check_generator(rng)
     groups = ("position", "force", "velocity") if with_force else ("position", "velocity")
     require(lessons, groups)
-    notes = list(check_set(lessons, role=role))
+    notes = list(check_set(given, role=role))  # of the lessons as they came: a role that they do not state is said
     n_states = STATES[law] if n_states is None else n_states
     channels = _channels(lessons, groups)
     frames = [lesson.array(channels) for lesson in lessons]
