@@ -280,7 +280,7 @@ class CollaborativeSkill:
     ) -> None:
         if role not in ROLES:
             raise MismatchError(
-                f"the default law needs a role, leader or follower; the skill states {role or 'none'!r}: pass --role"
+                f"the default law needs a role, leader or follower; the skill states {role or 'none'!r}: state it with role="
             )
         if references is None:
             raise MismatchError("the default law needs a path in order of time: learn with topology left-right")
