@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from comanip.errors import ComanipWarning
+from comanip.errors import ComanipError, ComanipWarning
 from comanip.formats import Columns, read
 from comanip.lessons.demonstration import demonstration
 
@@ -92,3 +93,38 @@ def test_a_scope_of_a_bilateral_rig_is_read_by_path(clip):
     assert lesson.units["velocity"] == "rad/s"
     assert any("zero-phase low-pass 30 Hz" in n for n in lesson.notes)
     assert np.abs(lesson.velocity).max() < 60.0
+
+
+# Two axes that turn, in deg, with stamps since 1970 and a first column without a name
+
+
+REACHES = Columns(
+    position=("ADMI_pitch_pos", "ADMI_yaw_pos"),
+    velocity=("ADMI_pitch_vel", "ADMI_yaw_vel"),
+    force=("pitch_torque", "yaw_torque"),
+    position_unit="deg",
+    velocity_unit="deg/s",
+    force_unit="N*m",
+)
+
+
+@pytest.mark.parametrize("file", ["TaskClass_data1.csv", "TaskClass_data2.csv"])
+def test_a_person_who_turns_an_exoskeleton_opens_with_a_name_a_channel(file):
+    (recording,) = read(shared(f"asu_reaches/{file}"), REACHES)
+    position = recording["hand.position"]
+    assert position.unit == "rad"
+    assert position.time[0] > 1.7e9  # found by itself: the column is called time_stamp
+    assert np.median(np.diff(position.time)) == pytest.approx(1 / 245, rel=0.05)
+    assert np.abs(position.values[0]) == pytest.approx(np.radians([45.0, 70.0]), abs=1e-5)
+
+
+def test_degrees_that_are_called_nothing_are_asked_for():
+    without = replace(REACHES, position_unit=None, velocity_unit=None)
+    with pytest.raises(ComanipError, match=r"degrees\? state position_unit"):
+        demonstration(read(shared("asu_reaches/TaskClass_data1.csv"), without)[0])
+
+
+def test_a_push_into_a_wall_in_millimetres_opens_with_its_unit():
+    (recording,) = read(shared("delta_wall/pHRI_test_experiment_dataset.csv"), Columns(position_unit="mm"))
+    assert recording["hand.position"].axes == recording["hand.force"].axes == ("x", "y", "z")
+    assert recording["hand.position"].values[0, 2] == pytest.approx(-0.04752524559852447)

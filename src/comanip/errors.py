@@ -7,6 +7,7 @@ A message says what was wrong, what was given, what is allowed and what to try, 
 from __future__ import annotations
 
 import unicodedata
+from collections.abc import Iterable
 from typing import Any
 
 # Bidirectional marks reorder a line on the screen, so that a name reads as something else; the joiner U+200D belongs to words.
@@ -95,3 +96,11 @@ def check_generator(rng: Any, name: str = "rng") -> None:
     if not (hasattr(rng, "standard_normal") and hasattr(rng, "integers")):
         seed = rng if isinstance(rng, int) else 0
         raise ParameterError(f"{name} is {given(rng)}; allowed: a numpy Generator, for example numpy.random.default_rng({seed})")
+
+
+def check_has(part: Any, what: str, names: Iterable[str], socket: str) -> None:
+    """ParameterError unless `part` has all of a socket's `names`; a class in place of its instance has none."""
+    kind = type(part)  # a property that cannot answer yet is there all the same
+    missing = [name for name in names if isinstance(part, type) or not (hasattr(kind, name) or hasattr(part, name))]
+    if missing:
+        raise ParameterError(f"{what} is {given(part)}; it has no {', '.join(missing)}; {socket} says what a {what} needs")

@@ -198,6 +198,7 @@ class CausalInteractionForce:
 
     @property
     def n_axes(self) -> int:
+        """Number of axes that it was made for."""
         return len(self._filters)
 
     def reset(self) -> None:
@@ -277,6 +278,7 @@ class TaringInteractionForce:
 
     @property
     def n_axes(self) -> int:
+        """Number of axes that it was made for."""
         return len(self._gravity)
 
     def reset(self) -> None:

@@ -68,7 +68,10 @@ class Command:
 
 @runtime_checkable
 class Skill(Protocol):
-    """Maps observation to command, with memory. Teleoperation is a skill whose brain is a human."""
+    """Maps observation to command, with memory. Teleoperation is a skill whose brain is a human.
+
+    dt, axes  optional: the control period [s] and the axes that it was made for; the loop refuses a plant of others
+    """
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:

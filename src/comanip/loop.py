@@ -6,17 +6,21 @@ import gc
 import time as _time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from math import isclose
+from math import isclose, isfinite
+from numbers import Real
 from typing import Any, Protocol
 
 import numpy as np
 
-from .errors import MismatchError, ParameterError
+from .errors import MismatchError, ParameterError, check_has, given
 from .interfaces import Command, Observation, Plant, Skill, Tap
 from .recording import Recorder, Recording
 
 _OBSERVED = {"position": "m", "velocity": "m/s", "sensor_force": "N", "force": "N"}
 _COMMANDED = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+# what the loop asks of each part
+PLANT = ("axes", "dt", "channels", "stop_reason", "reset", "read", "write", "advance")
+SKILL = ("diagnostics", "stop_reason", "notice", "reset", "step")
 
 
 class ForceEstimator(Protocol):
@@ -109,9 +113,7 @@ def run(
     the skill's or the plant's own reason, "duration", or "interrupted" (Ctrl-C keeps what was recorded).
     Raises MismatchError before anything moves where period, axes or units of skill, plant and estimator differ.
     """
-    if not duration_s > 0:
-        raise ParameterError(f"duration_s must be positive; got {duration_s}")
-    check_matches(plant, skill, estimator)
+    _check_fits(plant, skill, estimator, duration_s)
     d = len(plant.axes)
     obs, command = Observation(d), Command(d)
     clock = clock or SimulatedClock()
@@ -150,27 +152,71 @@ def run(
     return recorder.recording({**(metadata or {}), **notice, "stop_reason": reason, "dt_s": plant.dt})
 
 
+def _check_fits(plant: Plant, skill: Skill, estimator: ForceEstimator | None, duration_s: float) -> None:
+    """Before the first command, because a wrong period or axis moves a robot wrongly.
+
+    Raises ParameterError for what is no plant, skill, estimator or duration, MismatchError for parts made for another robot. What
+    a skill wraps is asked, too: an envelope of the right period around a law of another is no better.
+    """
+    if not (isinstance(duration_s, Real) and isfinite(duration_s) and duration_s > 0):
+        raise ParameterError(f"duration_s must be a positive number of seconds; got {given(duration_s)}")
+    check_has(plant, "plant", PLANT, "comanip.interfaces.Plant")
+    check_has(skill, "skill", SKILL, "comanip.interfaces.Skill")
+    if estimator is not None:
+        check_has(estimator, "estimator", ("reset", "step"), "comanip.loop.ForceEstimator")
+    check_matches(plant, skill, estimator)
+
+
 def check_matches(plant: Plant, skill: Skill, estimator: ForceEstimator | None = None) -> None:
     """Refuses period, axes and units that skill or estimator state and that are not the plant's; what is not stated passes.
 
     A skill made for 2 ms on a plant of 10 ms believes that a fifth of the time has passed: it moves at a fifth of its speed.
     """
-    axes = tuple(plant.axes)
-    for who, made in (("skill", skill), ("estimator", estimator)):
-        dt = getattr(made, "dt", None)
-        if dt is not None and not isclose(dt, plant.dt, rel_tol=1e-6):
-            raise MismatchError(f"the {who} runs at dt {dt:g} s, the plant at {plant.dt:g} s: make the {who} with dt=plant.dt")
-    if tuple(moves := getattr(skill, "axes", axes)) != axes:
-        raise MismatchError(f"the skill moves axes {_listed(moves)}; the plant has {_listed(axes)}: one skill for one task frame")
-    if (n := getattr(estimator, "n_axes", len(axes))) != len(axes):
-        raise MismatchError(f"the estimator's gravity has {n} entries; the plant has the axes {_listed(axes)}: one an axis")
+    for part in _inside(skill):
+        _check_period(f"the skill {type(part).__name__}", part, plant)
+        _check_axes(part, plant)
+    if estimator is not None:
+        _check_period(f"the estimator {type(estimator).__name__}", estimator, plant)
+        _check_number(estimator, plant)
     for name, unit in getattr(plant, "units", {}).items():
         if _OBSERVED.get(name, unit) != unit:
             raise MismatchError(f"the plant's {name} is in {unit!r}; skills take {_OBSERVED[name]!r}: convert it in its `read`")
 
 
-def _listed(axes: Sequence[str]) -> str:
-    return ", ".join(axes)
+def _inside(skill: Any) -> Iterator[Any]:
+    """The skill, and whatever it wraps under the name `skill`."""
+    seen: list[Any] = []
+    while skill is not None and not any(skill is one for one in seen):
+        seen.append(skill)
+        yield skill
+        skill = getattr(skill, "skill", None)
+
+
+def _check_period(name: str, part: Any, plant: Plant) -> None:
+    dt = getattr(part, "dt", None)
+    if dt is not None and not isclose(dt, plant.dt, rel_tol=1e-6):
+        raise MismatchError(
+            f"{name} is made for a control period dt of {dt:g} s, the plant {type(plant).__name__} has {plant.dt:g} s; "
+            "make both with the same dt"
+        )
+
+
+def _check_axes(part: Any, plant: Plant) -> None:
+    axes = getattr(part, "axes", None)
+    if axes is not None and tuple(axes) != tuple(plant.axes):
+        raise MismatchError(
+            f"the skill {type(part).__name__} is made for the axes {', '.join(axes)}, the plant {type(plant).__name__} has "
+            f"{', '.join(plant.axes)}; make both with the same axes, in the same order"
+        )
+
+
+def _check_number(estimator: Any, plant: Plant) -> None:
+    n = getattr(estimator, "n_axes", None)
+    if n is not None and n != len(plant.axes):
+        raise MismatchError(
+            f"the estimator {type(estimator).__name__} is made for {n} axes, the plant {type(plant).__name__} has "
+            f"{len(plant.axes)}: {', '.join(plant.axes)}; give it gravity with one entry an axis"
+        )
 
 
 def unbroken(recording: Recording) -> Recording:

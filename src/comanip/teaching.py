@@ -17,7 +17,7 @@ import numpy as np
 
 from .devices.link import Link, Network
 from .devices.phantom import IDEAL
-from .errors import ParameterError
+from .errors import ParameterError, check_generator
 from .interaction import interaction_force
 from .interfaces import Array, HapticDevice, Partner, Plant
 from .loop import run, unbroken
@@ -174,6 +174,7 @@ def teach(
     """
     if role not in SCENARIOS:
         raise unknown("role", role, SCENARIOS)
+    check_generator(rng)
     what, make = named(task).runnable(), _maker(plant)
     carried = beam or Beam(mass_kg=what.carried.mass_kg, length_m=what.carried.length_m)
     recordings = []

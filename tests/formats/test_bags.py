@@ -301,6 +301,21 @@ def test_a_wrench_in_the_sensors_frame_is_turned_by_the_recorded_orientation(tmp
     demonstrations([recording])
 
 
+def test_a_turn_and_its_negative_are_one_turn(tmp_path):
+    angle = lambda t: 0.4 * np.sin(t)  # noqa: E731
+
+    def either(t):  # recorders write q or -q as it comes: here two of each, in turn
+        sign = -1.0 if round(100 * t) // 2 % 2 else 1.0
+        return tuple(sign * part for part in about_x(angle(t)))
+
+    rows = lifting(("sensor", "base", "base"), turn=either, force_turn=lambda t, f: seen_by(angle(t), f))
+    write_folder(tmp_path / "bag", rows)
+    (recording,) = read(tmp_path / "bag", Columns(frames={"sensor": "hand"}))
+    _, dx, _ = minimum_jerk(np.arange(2001) / 500)
+    turned = recording["/ft.wrench.force"].values
+    assert np.allclose(turned, np.column_stack([0.5 + 0 * dx, -0.25 + 0 * dx, 25 * dx]), atol=1e-4)
+
+
 def test_a_stated_turn_is_held_fast_and_its_inverse_is_not(tmp_path):
     write_folder(tmp_path / "bag", lifting(("sensor", "base", "base"), force_turn=lambda t, f: seen_by(0.7, f)))
     (recording,) = read(tmp_path / "bag", Columns(frames={"sensor": ",".join(map(str, about_x(0.7)))}))

@@ -110,12 +110,16 @@ SPOILT = {  # what was done -> (rows changed, fps, what is said)
     "lost": (
         lambda rows: [r for r in rows if not (r[0] == 1 and 50 <= r[1] < 120)],
         100,
-        "episode 1: frame_index goes from 49 to",
+        "episode 1: frame_index goes from 49 to 120 at row .*: 70 frames are missing",
     ),
     "reversed": (lambda rows: sorted(rows, key=lambda r: (r[0], -r[1])), 100, "episode 0: frame_index goes from 400 to 399"),
     "merged": (lambda rows: [[0, *r[1:]] for r in rows], 100, "several episodes under one number"),
     "torn": (lambda rows: rows[:200] + rows[401:] + rows[200:401], 100, "rows of episode 0 stand apart|frame_index goes from"),
-    "swapped": (lambda rows: [*rows[:10], rows[11], rows[10], *rows[12:]], 100, "frame_index goes from 9 to 11|not in order"),
+    "swapped": (
+        lambda rows: [*rows[:10], rows[11], rows[10], *rows[12:]],
+        100,
+        "frame_index goes from 9 to 11 at row 10: the frames are not in order",
+    ),
     "millimetres": (with_state(lambda r, k, v: 1000 * v if k < 3 else v), 100, "millimetres"),
     "velocity": (with_state(lambda r, k, v: -v if 3 <= k < 6 else v), 100, "sign is flipped"),
     "nan": (with_state(lambda r, k, v: np.nan if (r[0], r[1], k) == (2, 7, 8) else v), 100, "frame 7"),

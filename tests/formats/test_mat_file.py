@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+import sys
+from subprocess import DEVNULL, PIPE, Popen
 
 import numpy as np
 import pytest
 
 from comanip.errors import ChannelError, ComanipError, RecordingError
-from comanip.formats import Columns, read
+from comanip.formats import Columns, outside, read
+from comanip.formats.mat73_file import read_mat73
 from comanip.formats.mat_file import LeftOut, mat_variables
 from comanip.lessons.demonstration import demonstration
 from fuzz_tables import READERS, faults
@@ -153,6 +156,58 @@ def test_matlab_7_3_without_h5py_says_what_to_do(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
     with pytest.raises(RecordingError, match=r"MATLAB 7.3.*-v7.*or install h5py"):
         read(path)
+
+
+def mat73(path, fill):
+    """A file of version 7.3 with what `fill(h5py, file)` puts into it."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w", userblock_size=512) as file:
+        fill(h5py, file)
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + path.read_bytes()[512:])
+    return path
+
+
+def test_matlab_7_3_keeps_whole_numbers_whole(tmp_path):
+    stamps = 1_764_489_600_000_000_000 + 10_000_001 * np.arange(5)
+
+    def fill(_, file):
+        file["t"], file["run/on"], file["run/z"] = stamps[None], np.array([[True, False]]), np.float32([[1.5, 2.5]])
+
+    tree = read_mat73(mat73(tmp_path / "a.mat", fill))._tree
+    assert tree["t"].dtype == np.int64
+    assert tree["t"].tolist() == stamps.tolist()
+    assert tree["run"]["on"].tolist() == [True, False]
+    assert tree["run"]["z"].tolist() == [1.5, 2.5]
+
+
+def test_matlab_7_3_takes_no_numbers_from_other_files(tmp_path):
+    (tmp_path / "secret.bin").write_bytes(np.arange(4.0).tobytes())
+
+    def fill(_, file):
+        file["t"] = np.arange(4.0)
+        file.create_dataset("z", (4,), "f8", external=[(str(tmp_path / "secret.bin"), 0, 32)])
+
+    assert isinstance(read_mat73(mat73(tmp_path / "a.mat", fill))._tree["z"], LeftOut)
+
+
+def test_cells_that_hold_themselves_end(tmp_path):
+    def fill(h5py, file):
+        cell = file.create_dataset("c", (40,), h5py.ref_dtype)
+        cell[:] = [cell.ref] * 40  # 40 cells of 40 cells of ... is 40^24 of them
+
+    with pytest.raises(RecordingError, match=r"a\.mat: not readable as MATLAB 7\.3: it holds more than 20000 arrays, the limit"):
+        read_mat73(mat73(tmp_path / "a.mat", fill))
+
+
+def test_a_file_of_matlab_on_which_its_library_dies_ends_nothing_here(tmp_path, monkeypatch):
+    path = mat73(tmp_path / "a.mat", lambda _, file: file.update({"t": np.arange(4.0)}))
+    dying = Popen([sys.executable, "-c", "import os; os.abort()"], stdin=PIPE, stdout=PIPE, stderr=DEVNULL)
+    dying.wait()
+    monkeypatch.setattr(outside, "_running", lambda: dying)
+    with pytest.raises(RecordingError, match=r"a\.mat: not readable as MATLAB 7\.3: damaged: its library ended the process"):
+        read_mat73(path)
+    monkeypatch.undo()
+    assert read_mat73(path)._tree["t"].tolist() == [0, 1, 2, 3]
 
 
 HUGE = b"{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999,), }"

@@ -23,17 +23,27 @@ NAMED = (
     "load_share", "position_unit", "rate_hz", "recover", "resample_hz", "restarts", "sensor_force", "split_gaps", "tare",
     "time_unit", "trim_rest_s", "velocity_unit",
 )  # fmt: skip
-OTHERWISE = {"n_states": "--states"}
+OTHERWISE = {"n_states": "--states", "n_jobs": "--workers"}
+# words that are arguments only where they are given something: time="none" is --time none, and the time is the time
+GIVEN = ("axes", "extra", "force", "mapping", "out", "position", "role", "time", "velocity")
 _NAMES = "|".join(sorted({*NAMED, *OTHERWISE}, key=len, reverse=True))
 _VALUE = r"(?:=('[^']*'|\"[^\"]*\"|[^\s,;:)]+))?"
 _ARGUMENT = re.compile(rf"(?<![\w.\-/'\"])({_NAMES}){_VALUE}(?![\w.(])")
+_GIVEN = re.compile(rf"(?<![\w.\-/'\"])({'|'.join(GIVEN)})=(?!=)(?:'([^']*)'|\"([^\"]*)\"|([^\s,;:)]*))")
+_FRAMES = re.compile(r"frames=\{.*?\} \((--frame [^)]*)\)")  # the same thing said twice, once for each
 
 
 def in_flags(message: str) -> str:
     """The message with every argument of Python's replaced by the flag that does the same."""
     for spelling, flag in _FLAGS.items():
         message = message.replace(spelling, flag)
+    message = _GIVEN.sub(_given, _FRAMES.sub(r"\1", message))
     return _ARGUMENT.sub(_flag, message)
+
+
+def _given(found: re.Match[str]) -> str:
+    value = next((part for part in found.groups()[1:] if part), "")
+    return f"--{found[1]} {value}".rstrip()
 
 
 def _flag(found: re.Match[str]) -> str:

@@ -13,7 +13,7 @@ from math import isfinite, isnan, nan
 
 import numpy as np
 
-from ..errors import ParameterError
+from ..errors import ParameterError, check_generator
 from ..interfaces import Array, HapticDevice
 
 SILENCE_S = 0.050  # the device's watchdog
@@ -101,6 +101,7 @@ class Link:
 
     def __init__(self, device: HapticDevice, network: Network = Network(), *, n_axes: int = 1, rng: np.random.Generator) -> None:
         self.device, self.network = device, network
+        check_generator(rng)
         self._there, self._back = _Line(network.to_device_s, network, rng), _Line(network.to_robot_s, network, rng)
         self._n, self._sample = n_axes, np.zeros(n_axes)
         self._delay = np.zeros(1)

@@ -154,10 +154,10 @@ def leave_one_out(groups: Sequence[Sequence[Demonstration]], **learning: object)
     """Each lesson of each group recognised among skills of all groups, its own learned without it; (recognition, truth)."""
     from ..learned.skill import learn
 
-    every = [learn(list(lessons), **learning) for lessons in groups]  # type: ignore[arg-type]
+    every = [learn(list(lessons), **learning) for lessons in groups]
     found = []
     for truth, lessons in enumerate(groups):
         for i, lesson in enumerate(lessons):
-            own = learn([x for j, x in enumerate(lessons) if j != i], **learning)  # type: ignore[arg-type]
+            own = learn([x for j, x in enumerate(lessons) if j != i], **learning)
             found.append((recognise([own if n == truth else s for n, s in enumerate(every)], replace(lesson, role="")), truth))
     return found

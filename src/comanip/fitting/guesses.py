@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ChannelError, ParameterError
+from ..errors import ChannelError, ParameterError, check_generator
 from ..interfaces import Array
 from ..models.gaussian import floored
 from . import cycles
@@ -93,6 +93,8 @@ def first_guess(
     """Labels (N,) by "time" or "kmeans"; `jitter` asks for another one at each call. `cyclic`: time within the period, if any."""
     if how not in ("time", "kmeans"):
         raise ParameterError(f"initial_guess must be 'time', 'kmeans' or a model; got {how!r}")
+    if rng is not None:
+        check_generator(rng)
     if rng is None and (jitter or how == "kmeans"):
         raise ParameterError("k-means and restarts draw at random; pass rng=numpy.random.default_rng(seed)")
     if how == "time" and cyclic:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ParameterError
+from ..errors import ParameterError, check_generator
 from ..interfaces import Array
 from ..models import hmm, hsmm
 from ..parallel import each
@@ -85,6 +85,8 @@ def select_states(
 def _all(work: Sequence[tuple[Any, ...]], n_jobs: int, options: dict[str, Any]) -> list[float]:
     """Every score, in order. The longest fits come last in `work`, so they are handed out first."""
     rng = options.pop("rng", None)
+    if rng is not None:
+        check_generator(rng)
     own = rng.spawn(len(work)) if rng is not None else [None] * len(work)
     tasks = [(*item, options if r is None else {**options, "rng": r}) for item, r in zip(work, own, strict=True)]
     return list(each(_score, reversed(tasks), n_jobs=n_jobs))[::-1]

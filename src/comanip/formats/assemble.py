@@ -16,6 +16,7 @@ from ..recording import Channel, Recording, axis_units
 from .columns import (
     KINDS,
     NAME,
+    UNUSED,
     Columns,
     axes_of,
     is_angle,
@@ -77,6 +78,13 @@ def assemble(source: Source, columns: Columns) -> tuple[Recording, ...]:
     )
 
 
+def _say_unmapped(source: Source, columns: Columns, notes: list[str]) -> None:
+    """Where something is mapped nothing else is guessed: what the file has besides is said."""
+    used = {columns.time, *(e.lstrip("-") for exprs in columns.mapped.values() for e in exprs)}
+    if left := [n for n in source.names if n not in used][:20]:
+        notes.append(f"columns {', '.join(left)} {UNUSED}")
+
+
 def _wanted(path: Path, columns: Columns) -> dict[str, tuple[str, ...]]:
     """Channel -> expressions; an extra channel may not take the place of a signal."""
     signals = {NAME[kind]: exprs for kind, exprs in columns.mapped.items()}
@@ -108,6 +116,7 @@ def _completed(source: Source, columns: Columns, notes: list[str]) -> Columns:
             "name it (time=...) or state the rate (rate_hz=...)"
         )
     if columns.mapped:
+        _say_unmapped(source, columns, notes)
         return columns
     obvious = recognise(source.names) or _by_last_name(source.names)
     axes = _common_axes(obvious, notes)
@@ -118,7 +127,7 @@ def _completed(source: Source, columns: Columns, notes: list[str]) -> Columns:
         )
     used = {columns.time} | {c for by_axis in obvious.values() for a, c in by_axis.items() if a in axes}
     if left := [n for n in source.names if n not in used][:20]:
-        notes.append(f"columns {', '.join(left)} are not used: name them to use them")
+        notes.append(f"columns {', '.join(left)} {UNUSED}")
     for kind, by_axis in obvious.items():
         chosen = tuple(by_axis[a] for a in axes if a in by_axis)
         if chosen:

@@ -44,6 +44,9 @@ NAME = {
 }
 
 
+UNUSED = "are not used: name them to use them"  # ends the note that lists columns which nobody asked for
+
+
 def to_si(unit: str, kind: str) -> tuple[str, float]:
     """(SI symbol, factor) of a unit; ParameterError names the units that a `kind` of signal may have."""
     found = UNITS.get(unit) or UNITS.get(ALIASES.get(unit.strip().lower(), ""))
@@ -174,12 +177,13 @@ _PATTERNS = {
     r"|^(?:hand[._])?(?:velocity|vel)$",
     "force": r"^(?:hand[._])?(?:force|f)[_. ]?([xyz])$|^(?:hand[._])?(?:force|f)$",
 }
-TIME_NAMES = ("t", "time", "timestamp", "timestamps", "stamp", "seconds", "sec", "time_s", "t_s")
+# without blanks and underlines: "time_s" is "times"
+TIME_NAMES = ("t", "time", "timestamp", "timestamps", "stamp", "seconds", "sec", "times", "ts", "unixtime", "epoch")
 
 
 def recognise_time(names: Iterable[str]) -> str | None:
     """The column that obviously holds the stamps; None when there is none, ChannelError when there are two."""
-    hits = [n for n in names if unit_in(n)[0].lower() in TIME_NAMES]
+    hits = [n for n in names if re.sub(r"[ _\-]", "", unit_in(n)[0].lower()) in TIME_NAMES]
     if len(hits) > 1:
         raise ChannelError(f"columns {', '.join(hits)} could all be the time; say which with time=")
     return hits[0] if hits else None

@@ -17,15 +17,15 @@ MAX_DATASETS = 20_000
 OURS = "comanip"
 
 
-class _Budget:
+class Budget:
     """Bytes and datasets that may still be read."""
 
     def __init__(self) -> None:
         self.bytes, self.datasets = MAX_BYTES, MAX_DATASETS
 
-    def take(self, name: str, size: int) -> None:
+    def take(self, size: int, datasets: int = 1) -> None:
         self.bytes -= size
-        self.datasets -= 1
+        self.datasets -= datasets
         if self.bytes < 0:
             raise RecordingError(f"its arrays take more than {MAX_BYTES >> 20} MB, the limit: cut it into takes")
         if self.datasets < 0:
@@ -39,7 +39,7 @@ def contents(path: Path) -> tuple[Parts, dict[str, Any]]:
 
     parts: Parts = {}
     facts: dict[str, Any] = {"notes": [], "lengths": {}}
-    budget = _Budget()
+    budget = Budget()
     with h5py.File(path, "r") as file:
         ours = file.get(OURS, getclass=True) is h5py.Dataset and file[OURS].dtype == np.uint8
         matlab = (not ours and "#refs#" in file) or any(
@@ -47,7 +47,7 @@ def contents(path: Path) -> tuple[Parts, dict[str, Any]]:
         )
         _walk(h5py, file, "", parts, facts, budget, matlab, 0)
         if ours:
-            budget.take(OURS, file[OURS].size)
+            budget.take(file[OURS].size)
             facts[OURS] = bytes(file[OURS][()]).decode("utf-8", "replace")
         if "data" in file and isinstance(file["data"], h5py.Group):
             _facts_of(h5py, file["data"], facts)
@@ -56,7 +56,7 @@ def contents(path: Path) -> tuple[Parts, dict[str, Any]]:
 
 
 def _walk(
-    h5py: Any, group: Any, path: str, parts: Parts, facts: dict[str, Any], budget: _Budget, matlab: bool, depth: int
+    h5py: Any, group: Any, path: str, parts: Parts, facts: dict[str, Any], budget: Budget, matlab: bool, depth: int
 ) -> None:
     if depth > 16:
         raise RecordingError("groups are nested deeper than 16")
@@ -68,29 +68,29 @@ def _walk(
         if isinstance(item, h5py.Group):
             _walk(h5py, item, name, parts, facts, budget, matlab, depth + 1)
         elif isinstance(item, h5py.Dataset):
-            arrays = _arrays(h5py, item, name, budget, matlab)
+            arrays = _arrays(h5py, item, budget, matlab)
             if arrays is None:
                 facts["notes"].append(f"{name} left out: {item.dtype} is not numbers")
             elif arrays:
                 parts[name] = arrays
 
 
-def _arrays(h5py: Any, item: Any, name: str, budget: _Budget, matlab: bool) -> list[Array] | None:
+def _arrays(h5py: Any, item: Any, budget: Budget, matlab: bool) -> list[Array] | None:
     """The numbers of a dataset: one array, or, of MATLAB's cells and struct arrays, one for each that they refer to."""
     if item.external or item.is_virtual:
         return None  # its numbers lie in other files
     if item.dtype == h5py.ref_dtype:
-        budget.take(name, 8 * item.size)
+        budget.take(8 * item.size)
         found = []
         for reference in np.ravel(item[()], order="C"):
             target = item.file[reference] if reference else None
             if not isinstance(target, h5py.Dataset) or target.dtype.kind not in "fiub":
                 return None
-            found += _arrays(h5py, target, name, budget, matlab) or []
+            found += _arrays(h5py, target, budget, matlab) or []
         return found
     if item.dtype.kind not in "fiub" or item.dtype.itemsize > 8:
         return None
-    budget.take(name, 8 * item.size)
+    budget.take(8 * item.size)
     values = np.asarray(item[()], dtype=np.float64)
     return [values.T if matlab else values]
 

@@ -87,12 +87,12 @@ def _answer(server: subprocess.Popen[bytes], reader: str, path: Path) -> tuple[P
     if "error" in head:
         raise RecordingError(f"{path}: {head['error']}")
     parts: Parts = {}
-    for name, shape in head["arrays"]:
-        count = int(np.prod(shape, dtype=np.int64)) * 8
+    for name, shape, kind in head["arrays"]:
+        count = int(np.prod(shape, dtype=np.int64)) * np.dtype(kind).itemsize
         data = server.stdout.read(count)
         if len(data) < count:
             raise EOFError
-        parts.setdefault(name, []).append(np.frombuffer(data).reshape(shape))
+        parts.setdefault(name, []).append(np.frombuffer(data, kind).reshape(shape))
     return parts, head["facts"]
 
 
@@ -109,10 +109,11 @@ def serve(source: BinaryIO, out: BinaryIO) -> None:
         except RecordingError as error:
             out.write(json.dumps({"error": str(error)}).encode() + b"\n")
         else:
-            listed = [(n, a) for n, several in arrays.items() for a in several]
-            out.write(json.dumps({"arrays": [[n, a.shape] for n, a in listed], "facts": facts}).encode() + b"\n")
+            listed = [(n, np.ascontiguousarray(a)) for n, several in arrays.items() for a in several]
+            shapes = [[n, a.shape, a.dtype.str] for n, a in listed]
+            out.write(json.dumps({"arrays": shapes, "facts": facts}).encode() + b"\n")
             for _, array in listed:
-                out.write(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+                out.write(array.tobytes())
         out.flush()
 
 

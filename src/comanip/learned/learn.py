@@ -14,7 +14,7 @@ from ..errors import ChannelError, check_generator
 from ..fitting.climb import Fit
 from ..fitting.hmm import fit_hmm
 from ..interfaces import Array
-from ..lessons.agreement import few_frames, lessons_only
+from ..lessons.agreement import few_frames, lessons_only, to_the_goal
 from ..lessons.demonstration import Demonstration, check_set, require
 from ..models.clock import learn_clock
 from ..models.gmm import Gmm
@@ -55,13 +55,14 @@ def learn(
     Raises TrainingError, ChannelError or RecordingError that name the lesson and what to do.
     """
     check_role(role)
-    lessons = [replace(one, role=role) if role and not one.role else one for one in lessons_only(demonstrations)]
+    given = lessons_only(demonstrations)
+    lessons = [replace(one, role=role) if role and not one.role else one for one in given]
     n_states = states_of(law, n_states, settings or {})
     if rng is not None:
         check_generator(rng)
     groups = ("position", "force", "velocity") if with_force else ("position", "velocity")
     require(lessons, groups)
-    notes = list(check_set(lessons, role=role))
+    notes = list(check_set(given, role=role))  # of the lessons as they came: a role that they do not state is said
     channels = _channels(lessons, groups)
     frames = [lesson.array(channels) for lesson in lessons]
     fit = fit_hmm(
@@ -76,7 +77,9 @@ def learn(
         allow_constant=allow_constant,
     )
     positions = [lesson.position for lesson in lessons]
-    forces = [lesson.force if with_force else np.zeros_like(lesson.position) for lesson in lessons]
+    whole = to_the_goal(lessons, notes)
+    ways = [lesson.position for lesson in whole]
+    forces = [lesson.force if with_force else np.zeros_like(lesson.position) for lesson in whole]
     dt, ordered = lessons[0].dt, in_order(fit.model, topology)
     return assembled(
         fit,
@@ -87,9 +90,9 @@ def learn(
         dt=dt,
         topology=topology,
         clock=learn_clock(fit.model, frames, dt, covariance_floor=covariance_floor) if ordered else None,
-        taught=taught_paths(positions, forces, dt) if ordered else NO_PATHS,
-        starts=np.array([p[0] for p in positions]),
-        ends=np.array([p[-1] for p in positions]),
+        taught=taught_paths(ways, forces, dt) if ordered else NO_PATHS,
+        starts=np.array([p[0] for p in ways]),
+        ends=np.array([p[-1] for p in ways]),
         workspace=workspace_around(positions),
         units={g: lessons[0].units.get(g, "") for g in groups},
         lessons=[{"name": x.name, "source": x.source, "sha256": x.sha256, "frames": len(x)} for x in lessons],
@@ -133,7 +136,7 @@ def assembled(
     units: Mapping[str, str],
     lessons: Sequence[Mapping[str, Any]],
     notes: Sequence[str],
-    held_out: Mapping[str, Any] | None = None,
+    held_out: Sequence[float] = (),
 ) -> LearnedSkill:
     """The skill that a fit comes to, in which every way of learning ends.
 
@@ -165,7 +168,7 @@ def assembled(
             "bic": fit.bic,
             "n_frames": fit.n_frames,
             "topology": topology,
-            **({"held_out": held_out} if held_out else {}),
+            **({"held_out": list(held_out)} if held_out else {}),
         },
         paths=paths,
         onsets_s=onsets_s,

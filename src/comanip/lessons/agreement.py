@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import ChannelError, ParameterError, RecordingError, given
+from ..formats.columns import UNUSED
 from ..recording import check_role
 from .faults import kinds_of_axes, suspect
 
@@ -16,9 +17,36 @@ if TYPE_CHECKING:
     from .demonstration import Demonstration
 
 
-def missing(name: str, signals: Iterable[str], where: str) -> str:
+def missing(name: str, signals: Iterable[str], where: str, notes: Iterable[str] = ()) -> str:
+    """`notes` of the lesson: what its file has besides may be what is missing under a name of its own."""
     hint = "; learn without force: position and velocity only" if name == "force" else ""
-    return f"{where}: no {name!r}; found {', '.join(signals) or 'nothing'}{hint}"
+    return f"{where}: no {name!r}; found {', '.join(signals) or 'nothing'}{unused(notes)}{hint}"
+
+
+def unused(notes: Iterable[str]) -> str:
+    """The note of the columns that a file has besides, as the end of a message; "" where there are none."""
+    return next((f"; {note}" for note in map(str, notes) if note.endswith(UNUSED)), "")
+
+
+def take_of(lesson: Demonstration, number: int) -> tuple[str, str]:
+    """Which recording a lesson is: its own (`number`), unless it is a fragment of one that was cut at gaps ("lift#0")."""
+    name, cut, _ = lesson.name.rpartition("#")
+    return (lesson.source, name) if cut else (f"lesson {number}", "")
+
+
+def to_the_goal(lessons: Sequence[Demonstration], notes: list[str]) -> list[Demonstration]:
+    """Of fragments of one recording the one that goes farthest: where the others begin and end is where the recording was cut,
+    and no goal. `notes` says so."""
+    takes: dict[tuple[str, str], list[Demonstration]] = {}
+    for number, lesson in enumerate(lessons):
+        takes.setdefault(take_of(lesson, number), []).append(lesson)
+    if len(takes) < len(lessons):
+        notes.append("fragments: the path to the goal is learned from the piece of each recording that goes farthest")
+    return [max(pieces, key=_way_m) for pieces in takes.values()]
+
+
+def _way_m(lesson: Demonstration) -> float:
+    return float(np.linalg.norm(lesson.position - lesson.position[0], axis=1).max())
 
 
 def require(lessons: Sequence[Demonstration], channels: Iterable[str], *, min_frames: int = 1) -> None:
@@ -26,7 +54,7 @@ def require(lessons: Sequence[Demonstration], channels: Iterable[str], *, min_fr
     for lesson in lessons_only(lessons):
         for name in channels:
             if not any(c == name or c.startswith(name + ".") for c in lesson.channels):
-                raise ChannelError(missing(name.split(".")[0], lesson.signals, lesson.source or lesson.name))
+                raise ChannelError(missing(name.split(".")[0], lesson.signals, lesson.source or lesson.name, lesson.notes))
         if len(lesson) < min_frames:
             raise RecordingError(f"{lesson.source or lesson.name}: {len(lesson)} frames; needs >= {min_frames}")
 

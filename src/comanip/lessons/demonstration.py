@@ -17,7 +17,7 @@ from ..interaction import Payload, gravity_along, interaction_force
 from ..interfaces import Array
 from ..recording import Channel, Passed, Recording, axis_units, check_role, expand, frozen
 from ..signals.filters import MAX_CUTOFF, differentiate, integrate, smooth
-from .agreement import check_set, listed, missing, noted, require
+from .agreement import check_set, listed, missing, noted, require, unused
 from .cuts import between, merged, trimmed
 from .faults import (
     MAX_RATE_RATIO,
@@ -118,7 +118,7 @@ class Demonstration(Passed):
 
     def __getitem__(self, name: str) -> Array:
         if name not in self.signals:
-            raise ChannelError(missing(name, self.signals, self.source or self.name))
+            raise ChannelError(missing(name, self.signals, self.source or self.name, self.notes))
         return self.signals[name]
 
     @property
@@ -345,10 +345,11 @@ def _channels(recording: Recording, where: str, chosen: Preparation, notes: list
             raise ChannelError(f"{where}: an extra channel is called {name!r}, as one of the signals; give it another name")
         found[name] = recording[name]
     if (chosen.tare or chosen.force_bias_n is not None) and not {"force", "sensor_force"} & set(found):
-        raise ChannelError(f"{where}: there is no force to take a bias off; found {', '.join(recording.channels) or 'nothing'}")
+        there = ", ".join(recording.channels) or "nothing"
+        raise ChannelError(f"{where}: there is no force to take a bias off; found {there}{unused(notes)}")
     if "position" not in found and not ("velocity" in found and chosen.integrate_position):
         ask = "; integrate_position makes one from the velocity" if "velocity" in found else ""
-        ask += f"; {recording.metadata['hint']}" if recording.metadata.get("hint") else ""
+        ask += f"; {recording.metadata['hint']}" if recording.metadata.get("hint") else unused(notes)
         raise ChannelError(f"{where}: no 'hand.position'; found {', '.join(recording.channels) or 'nothing'}{ask}")
     for name, channel in found.items():
         at = f"{where}: {name}"

@@ -110,8 +110,8 @@ def check_force(
             listed = ", ".join(f"{b:.2f}" for b in bias[columns])
             suspect(
                 notes,
-                f"{where}: force at rest is {listed} {unit}: a bias, a wrong sign or the object's weight? tare it "
-                "(tare, or force_bias_n)",
+                f"{where}: force at rest is {listed} {unit}: a bias, a wrong sign or the object's weight? take it "
+                "off (tare, or force_bias_n)",
             )
     moved, pushed = velocity.ravel(), (force - bias).ravel()
     if role == "natural":  # each may be ahead of the other: neither sign is wrong

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ChannelError, ParameterError
+from ..errors import ChannelError, ParameterError, check_generator
 from ..interfaces import Array
 from .gaussian import (
     channel_names,
@@ -66,6 +66,7 @@ def log_likelihood(model: Gmm, x: Any) -> Array:
 
 def sample(model: Gmm, n: int, rng: np.random.Generator) -> Array:
     """Draws `n` frames (n, D)."""
+    check_generator(rng)
     states = rng.choice(model.n_states, size=n, p=model.weights / model.weights.sum())
     factors = np.linalg.cholesky(model.covariances)
     return model.means[states] + np.einsum("nij,nj->ni", factors[states], rng.standard_normal((n, model.n_channels)))

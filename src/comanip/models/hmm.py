@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import kernels
-from ..errors import ChannelError, ParameterError
+from ..errors import ChannelError, ParameterError, check_generator
 from ..interfaces import Array
 from . import chains
 from .gaussian import (
@@ -202,6 +202,7 @@ class Sample(NamedTuple):
 
 def sample(model: Hmm, length: int, rng: np.random.Generator) -> Sample:
     """Draws `length` frames and the states behind them."""
+    check_generator(rng)
     states = np.empty(length, dtype=np.intp)
     pick = rng.random(length)
     chances = np.cumsum(model.transition, axis=1)

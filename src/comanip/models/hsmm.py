@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from .. import kernels
-from ..errors import ParameterError
+from ..errors import ParameterError, check_generator
 from ..interfaces import Array
 from . import segments
 from .chains import IMPOSSIBLE, log_of, padded
@@ -153,6 +153,7 @@ def viterbi(model: Hsmm, sequence: Any) -> np.ndarray:
 
 def sample(model: Hsmm, length: int, rng: np.random.Generator) -> Sample:
     """Draws `length` frames and the states behind them."""
+    check_generator(rng)
     states = np.empty(length, dtype=np.intp)
     chances = model.initial
     end = 0

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ParameterError
+from ..errors import ParameterError, check_generator
 from ..interfaces import Array
 
 
@@ -83,6 +83,7 @@ def draw_body(rng: np.random.Generator, *, load_kg: float, axes_gravity: Sequenc
     K 60-600 N/m (log-uniform), damping ratio 0.3-0.8, following 15-60 N s/m, delays 0.10-0.25 s, arm 0.5-2.5 kg (effective mass
     of a hand in reach: Dolan et al. 1993), grip 1-4 kN/m at ratio 0.2-0.6 (Kuchenbecker et al. 2003), strength 60-150 N.
     """
+    check_generator(rng)
     stiffness, ratio = exp(rng.uniform(log(60.0), log(600.0))), rng.uniform(0.3, 0.8)
     arm, grip = rng.uniform(0.5, 2.5), exp(rng.uniform(log(1000.0), log(4000.0)))
     drawn: dict[str, Any] = {

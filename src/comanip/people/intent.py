@@ -18,7 +18,7 @@ from math import exp, pi, sin, sqrt
 
 import numpy as np
 
-from ..errors import ParameterError
+from ..errors import ParameterError, check_generator
 from ..interfaces import Array
 
 BLOCK = 2048  # normal numbers drawn at once; kernels/_beam.h knows it
@@ -282,6 +282,7 @@ class Noise:
     """Coloured noise and tremor of one axis, drawn in blocks because single draws are slow."""
 
     def __init__(self, kind: Unsteadiness, step: float, rng: np.random.Generator) -> None:
+        check_generator(rng)
         self.kind, self.rng = kind, rng
         self.keep = exp(-step / kind.time_constant_s)
         self.fresh = sqrt(1.0 - self.keep**2)

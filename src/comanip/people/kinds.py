@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ParameterError
+from ..errors import ParameterError, check_generator
 from ..interfaces import Partner
 from ..parts import known, unknown
 from . import habits as h
@@ -251,6 +251,7 @@ def make(
         raise ParameterError(
             f"people: a body that carries along {len(body.carried_n)} axes cannot hold {len(axes)}: {tuple(axes)}"
         )
+    check_generator(rng)
     body = kind.body(body, rng)
     body = body if role == LEADING else body.steady()
     if event_s is None and course is not None and role == LEADING:

@@ -12,6 +12,7 @@ from math import sqrt, tanh
 
 import numpy as np
 
+from ..errors import check_generator
 from .body import Body
 from .intent import Course, Intent, Yielding
 
@@ -24,6 +25,7 @@ class Mind:
     wants_tilt = False  # one who does has `see(tilt, rate)`, (d,) [rad], [rad/s], called before each `pull`
 
     def __init__(self, body: Body, course: Course | None, n_axes: int, step_s: float, rng: np.random.Generator) -> None:
+        check_generator(rng)
         self.body, self.d, self.step_s, self.rng = body, n_axes, step_s, rng
         self._still = (0.0,) * n_axes
         self.course = course

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ParameterError
+from ..errors import ParameterError, check_generator
 from ..interfaces import STANDARD_GRAVITY, Array
 from ..kernels import layouts
 from .intent import Course, Intent, Legs, Noise, Plan, Unsteadiness, Yielding, minimum_jerk
@@ -252,5 +252,6 @@ class HumanSharing(_Planning):
 
 def dyad(rng: np.random.Generator, arm: Arm, spread: float = 0.15) -> Arm:
     """The same person on another day: stiffness and damping vary together by `spread` (1 s.d.)."""
+    check_generator(rng)
     factor = float(np.clip(rng.normal(1.0, spread), 0.5, 1.5))
     return replace(arm, stiffness_n_per_m=arm.stiffness_n_per_m * factor, damping_ns_per_m=arm.damping_ns_per_m * factor)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import ParameterError
+from ..errors import ParameterError, check_generator
 from ..interfaces import Array
 from .intent import Course, Intent, Plan, Yielding
 
@@ -58,6 +58,7 @@ class Teacher:
             for i in range(n)
         ]
         self._feedforward = plan.feedforward_kg if plan else 0.0
+        check_generator(rng)
         self._unsteady, self._rng = unsteady_n, rng
 
     def reset(self) -> None:

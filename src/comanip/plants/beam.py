@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from .. import kernels
-from ..errors import ParameterError
+from ..errors import ParameterError, check_generator, check_has
 from ..interaction import gravity_along
 from ..interfaces import Array, Command, Observation, Partner
 from ..kernels import layouts
@@ -141,6 +141,8 @@ class BeamPlant:
         if not 0 < dt <= 0.1:
             raise ParameterError(f"control period dt must lie in (0, 0.1] s; got {dt}")
         self.dt, self.axes, self.beam, self.sensor, self.partner = dt, tuple(axes), beam, sensor, partner
+        check_generator(rng)
+        check_has(partner, "partner", ("reset", "force"), "comanip.interfaces.Partner")
         self._substeps = max(1, round(dt / substep_s))
         self._step = dt / self._substeps
         self._rng = rng

@@ -32,6 +32,12 @@ class _Plain:
 
     notice = ""
     stop_reason = ""
+    _dt: float
+
+    @property
+    def dt(self) -> float:
+        """Control period that it was made for [s]."""
+        return self._dt
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:

@@ -335,12 +335,12 @@ class CollaborativeSkill:
     ) -> None:
         if role not in ROLES:
             raise MismatchError(
-                f"the default law needs a role, leader or follower; the skill states {role or 'none'!r}: pass --role"
+                f"the default law needs a role, leader or follower; the skill states {role or 'none'!r}: state it with role="
             )
         if references is None:
             raise MismatchError("the default law needs a path in order of time: learn with topology left-right")
         self.role, self.law, self._told = role, law or CollaborativeLaw.for_role(role), goal
-        self._dt, d = dt, len(axes)
+        self.axes, self.dt, self._dt, d = tuple(axes), dt, dt, len(axes)
         self._pace = Pace(references, self.law, dt)
         self._watch = Watch(model, model_dt, dt)
         self._where = Whereabouts(self._pace.references, dt)
@@ -353,7 +353,7 @@ class CollaborativeSkill:
         self._phase, self._rate, *_ = self._memory[7 * d :].reshape(7, 1)
         self._compiled = compiled(self._watch, self._pace, self._compliance, self._where, self._memory, dt)
         self._tick: Callable[..., bool] | None = None
-        self._outside = 0.0
+        self._complies_only, self._outside = False, 0.0
 
     @property
     def reference(self) -> PhaseReference:

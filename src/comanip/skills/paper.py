@@ -136,6 +136,7 @@ class PaperSkill:
         workspace: Array,
         law: PaperLaw = PaperLaw(),
     ) -> None:
+        self.axes, self.dt = tuple(axes), dt
         self.law, self._dt, self._model_dt = law, dt, model_dt
         self._has_force = any(c.startswith("force.") for c in model.channels)
         inputs = ("position", "force") if self._has_force else ("position",)

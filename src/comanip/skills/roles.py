@@ -234,7 +234,7 @@ class RoleSkill:
     ) -> None:
         self._watch, self._told_to_lead, self._told = watch, leads, goal
         self.evidence, self.policy = evidence, policy
-        self._dt, d = dt, len(axes)
+        self.axes, self.dt, self._dt, d = tuple(axes), dt, dt, len(axes)
         self._laws = [_between(following, leading, n / 50.0) for n in range(51)]
         # to who gives way, an offer must not be held up by what keeps a resting hand still
         self._offering = replace(leading, resting_damping_ns_per_m=leading.moving_damping_ns_per_m, dead_zone_n=0.0)

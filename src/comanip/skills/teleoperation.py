@@ -95,6 +95,7 @@ class Teleoperation:
         limits: CouplingLimits = CouplingLimits(),
         carried: bool = False,
     ) -> None:
+        self.dt = dt
         self._device, self._dt, self._scale, self.limits = device, dt, velocity_scale, limits
         u = _checked_rotation(rotation, n_axes)
         gain = np.asarray(force_gain, dtype=float)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import check_generator
 from ..interfaces import Array
 from ..people.intent import Course, Curve, minimum_jerk
 from .value import RAMP, Phase, Task
@@ -68,6 +69,7 @@ def spread(task: Task) -> Spread:
 
 def draw_lesson(task: Task, rng: np.random.Generator, of: Spread | None = None) -> Drawn:
     """One lesson; `of` for people who differ from the usual."""
+    check_generator(rng)
     of, one = of or spread(task), task.lessons
     size_m = float(rng.normal(*of.size_m))
     duration = max(of.shortest_s, float(rng.normal(*of.duration_s)))
@@ -78,6 +80,7 @@ def draw_lesson(task: Task, rng: np.random.Generator, of: Spread | None = None) 
 
 def draw_partner(task: Task, rng: np.random.Generator, size_m: float, duration_s: float, onset_s: float) -> Drawn:
     """One partner of a trial, whose size, duration and onset have been drawn already."""
+    check_generator(rng)
     one = task.partners
     rest = float(rng.uniform(*one.rest))
     return _with_places(task, Drawn(size_m, duration_s, onset_s, rest=rest), rng, one.start_sd_m, one.place_sd_m)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ParameterError
+from ..errors import ParameterError, check_generator
 from ..interfaces import STANDARD_GRAVITY, Array, Partner
 from ..parts import unknown
 from ..people.intent import Course
@@ -211,6 +211,7 @@ def draw_case(role: str, rng: np.random.Generator, *, task: str | Path | Task = 
 
     misbehaving   share of partners who hesitate, reverse, block, let go or change role, each as often, at 0.3-0.7 of the motion
     """
+    check_generator(rng)
     if role not in ROLES:
         raise unknown("role", role, ROLES)
     what = named(task)

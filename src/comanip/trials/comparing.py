@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import check_generator
 from ..interfaces import Array
 from .judging import Verdict
 
@@ -21,6 +22,7 @@ def paired(first: Sequence[Verdict], second: Sequence[Verdict], rng: np.random.G
     Success counts over all partners. Effort, time, vibration and peak force are compared where BOTH succeeded, for a law that
     does not do the task has no effort with it; "both" says how many those are. None where there are fewer than two.
     """
+    check_generator(rng)
     won = np.array([[a.success, b.success] for a, b in zip(first, second, strict=True)], dtype=float).reshape(-1, 2)
     both = won.all(axis=1)
     found: dict[str, Any] = {"success": _difference(won[:, 0] - won[:, 1], rng), "both": int(both.sum())}

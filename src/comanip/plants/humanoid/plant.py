@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import ParameterError
+from ...errors import ParameterError, check_generator, check_has
 from ...interfaces import STANDARD_GRAVITY, Array, Command, Observation, Partner
 from ..beam import Beam, WristSensor
 from .inverse_kinematics import WORLD, InverseKinematics
@@ -82,6 +82,8 @@ class HumanoidPlant:
             raise ParameterError(f"control period dt is {dt} s; allowed are multiples of {PHYSICS_STEP_S} s up to 0.1 s")
         if smoothing_s < 0:
             raise ParameterError(f"smoothing_s must not be negative; got {smoothing_s}")
+        check_generator(rng)
+        check_has(partner, "partner", ("reset", "force"), "comanip.interfaces.Partner")
         self._mj = mujoco()
         self.dt, self.axes, self.sensor, self.partner = dt, tuple(axes), sensor, partner
         self.robot, self.load_mass_kg, self.length_m = load_robot(robot), load_mass_kg, length_m
