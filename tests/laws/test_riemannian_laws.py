@@ -10,7 +10,7 @@ from comanip.fitting import riemannian as fitting
 from comanip.fitting.gmm import fit_gmm
 from comanip.fitting.hmm import fit_hmm
 from comanip.fitting.riemannian import fit_riemannian_gmm, fit_riemannian_hmm
-from comanip.models import sphere
+from comanip.signals import sphere
 from comanip.models.filtering import ForwardFilter
 from comanip.models.gmr import regress as flat_regress
 from comanip.models.riemannian import (

@@ -2,7 +2,7 @@
 
 A point holds numbers and unit quaternions, channels of four called `NAME.w, NAME.x, NAME.y, NAME.z`. A Gaussian has its mean
 among the points and its covariance in the tangent space there, where a quaternion is a rotation vector [rad] in the mean's own
-axes (`models.sphere`):
+axes (`signals.sphere`):
 
     log p(x) = log N(Log_mu(x); 0, Sigma)
 
@@ -21,7 +21,7 @@ import numpy as np
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from ..recording import expand
-from . import sphere
+from ..signals import sphere
 from .gaussian import LEAST_LOG_DENSITY, LOG_2PI, channel_names, cholesky, log_sum_exp, normalised, probabilities
 
 CLOSE = 1e-10  # [m, rad, ...] a regression that moves less has settled
