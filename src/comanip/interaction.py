@@ -13,12 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .errors import ParameterError
 from .interfaces import STANDARD_GRAVITY, Array, Observation
+from .signals import sphere
 from .signals.filters import Lowpass
 
 MOST_GAP_S = 0.05  # between two samples of a slow sensor
@@ -38,6 +39,84 @@ def interaction_force(
     The same low-pass must have been applied to F_s and a, or their delay shows up as a force that nobody exerts.
     """
     return np.asarray(sensor_force + load_share * mass_kg * (acceleration - gravity))
+
+
+class Wrench(NamedTuple):
+    """force (T, 3) [N] and torque about the hand's origin (T, 3) [N m], task frame."""
+
+    force: Array
+    torque: Array
+
+
+@dataclass(frozen=True)
+class RigidLoad:
+    """An object in two hands, for `interaction_wrench`; vectors and matrix in the robot hand's own axes.
+
+    centre_m       (3,) its centre of mass, from the hand's origin [m]
+    inertia_kg_m2  (3, 3) about its centre of mass
+    partner_m      (3,) where the partner holds it, from the hand's origin [m]; None: on the line through the centre of mass,
+                   where the partner's share balances the weight about the hand (the far end of a beam that two share alike)
+    share          the robot's, of weight and inertia
+    """
+
+    mass_kg: float
+    centre_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    inertia_kg_m2: tuple[tuple[float, float, float], ...] = ((0.0,) * 3,) * 3
+    partner_m: tuple[float, float, float] | None = None
+    share: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.mass_kg < math.inf:
+            raise ParameterError(f"mass is {self.mass_kg:g} kg; allowed: finite and >= 0")
+        if not 0.0 <= self.share <= 1.0:
+            raise ParameterError(f"share is {self.share:g}; allowed: 0 to 1")
+        for name, shape in (("centre_m", (3,)), ("inertia_kg_m2", (3, 3)), ("partner_m", (3,))):
+            value = getattr(self, name)
+            if value is not None and (np.shape(value) != shape or not np.isfinite(value).all()):
+                raise ParameterError(f"{name} has shape {np.shape(value)}; allowed: {shape}, finite")
+        inertia = np.array(self.inertia_kg_m2)
+        if not np.allclose(inertia, inertia.T) or np.linalg.eigvalsh(inertia)[0] < -1e-12:
+            raise ParameterError(
+                "inertia_kg_m2 must be symmetric with moments >= 0; products of inertia go in with their minus sign"
+            )
+
+
+def interaction_wrench(
+    sensed: Wrench,
+    orientation: Array,
+    acceleration: Array,
+    angular_velocity: Array,
+    angular_acceleration: Array,
+    *,
+    load: RigidLoad,
+    gravity: Array,
+) -> Wrench:
+    """Eq. (3) for force and torque of a rigid load: what the partner does to the hand beyond carrying a share of it.
+
+        F = F_s + s m (a_c - g)
+        T = T_s + r_c x m (a_c - g) - r_u x (1 - s) m (a_c - g) + s (I dw + w x I w)
+
+    a_c = a + dw x r_c + w x (w x r_c) is the acceleration of the centre of mass; r_c and r_u go from the hand to the centre of
+    mass and to the partner. A partner who carries the share 1 - s of weight and inertia and means nothing else gives F = T = 0,
+    so a share of 1 gives the partner's whole wrench about the hand.
+
+    sensed                what the OBJECT does to the hand: F_s, T_s
+    orientation           (T, 4) of the hand, w, x, y, z; acceleration (T, 3) of its origin [m/s^2]
+    angular_*             (T, 3) [rad/s], [rad/s^2], task frame; gravity (3,) [m/s^2]
+
+    The same low-pass must have been applied to all of them, or their delay shows up as a wrench that nobody exerts.
+    """
+    turn = sphere.matrix(orientation)
+    centre = turn @ np.array(load.centre_m)
+    inertia = turn @ np.array(load.inertia_kg_m2) @ np.swapaxes(turn, -1, -2)
+    w, dw = np.asarray(angular_velocity), np.asarray(angular_acceleration)
+    at_centre = acceleration + np.cross(dw, centre) + np.cross(w, np.cross(w, centre))
+    carries = load.mass_kg * (at_centre - gravity)
+    # where the partner's share balances the load about the hand, the two moments of weight cancel
+    held = centre if load.partner_m is None else centre - (1.0 - load.share) * (turn @ np.array(load.partner_m))
+    moment = np.zeros_like(carries) if load.partner_m is None and load.share < 1.0 else np.cross(held, carries)
+    spin = np.einsum("...ij,...j->...i", inertia, dw) + np.cross(w, np.einsum("...ij,...j->...i", inertia, w))
+    return Wrench(np.asarray(sensed.force + load.share * carries), np.asarray(sensed.torque + moment + load.share * spin))
 
 
 @dataclass(frozen=True)

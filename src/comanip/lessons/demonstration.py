@@ -154,8 +154,8 @@ class Preparation:
     integrate_position  make up a missing position from the velocity, starting at 0
     role                "leader", "follower" or "natural": what recordings that state none are of; must agree with the others' own
     extra               further channels to carry along; columns w, x, y, z are quaternions and treated as such
-    orientation         carry hand.orientation along: "orientation" (T, 4: w, x, y, z, of length 1, one sign), its "angular_velocity"
-                        (T, 3) [rad/s] in the task frame, and hand.torque, where there is one, as "torque" (T, 3) [N m]
+    orientation         carry hand.orientation along: "orientation" (T, 4: w, x, y, z, of length 1, one sign), its
+                        "angular_velocity" (T, 3) [rad/s, task frame], and "torque" (T, 3) [N m] where there is hand.torque
     min_frames          shortest use: K + 1 for K states
     plausible           ranges that reveal wrong units; None skips them
     """
