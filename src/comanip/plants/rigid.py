@@ -21,10 +21,13 @@ from math import cos, exp, isfinite, sin
 import numpy as np
 
 from ..errors import ParameterError
+from ..interaction import TurningLoad
 from ..interfaces import Array, Command, Observation, Partner
+from ..people.intent import Course, Curve
 from ..signals.second_order import second_order_step
 from .beam import WristSensor
 
+STEP_S = 0.005  # of sampled courses
 TORQUE_M = 0.05  # a wrist sensor's noise and bias of torque [N m] over those of force [N]
 
 
@@ -107,6 +110,33 @@ class Turning:
             out[..., self.axial] += length_m * (np.cos(turned) - 1.0)
         out[..., self.angle] = self.lever_m * turned
         return out
+
+    def course(self, course: Course, length_m: float, gone: Array | None = None) -> Course:
+        """How the partner's grip goes when the hand goes `course`, its angle an arc; from a displacement `gone` (d,) on."""
+        scale: Array = np.ones(len(self.axes))
+        scale[self.angle] = self.lever_m
+        times: Array = course.start_s + STEP_S * np.arange(max(round((course.stop_s - course.start_s) / STEP_S), 1) + 2)
+        before: Array = np.zeros(len(self.axes)) if gone is None else gone
+        there = self.gripped((before + course.sampled(times)) / scale, length_m) - self.gripped(before / scale, length_m)
+        return Course((), Curve.through(course.start_s, STEP_S, there), course.feedforward_kg)
+
+    def ungripped(self, displacement: Array, length_m: float) -> Array:
+        """(..., d) the hand's displacement, with the angle as an arc, of a grip's: what undoes `gripped`."""
+        out = np.array(displacement, dtype=float)
+        turned = out[..., self.angle] / self.lever_m
+        if self.across is not None:
+            out[..., self.across] -= length_m * np.sin(turned)
+        if self.axial is not None:
+            out[..., self.axial] -= length_m * (np.cos(turned) - 1.0)
+        return out
+
+    def load(self, held: TurningObject, share: float, gravity: Sequence[float]) -> TurningLoad:
+        """What the robot's hand carries of it, for its force estimate."""
+        rolls = self.across is None
+        spin = (held.along_kg_m2 if rolls else held.across_kg_m2) / self.lever_m**2
+        carried = tuple(share * (spin if i == self.angle else held.mass_kg) for i in range(len(self.axes)))
+        centre = 0.0 if rolls else 0.5 * held.length_m
+        return TurningLoad(carried, tuple(map(float, gravity)), self.angle, self.lever_m, self.across, self.axial, centre)
 
 
 class RigidPlant:

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import ParameterError
-from ..interaction import TaringInteractionForce
+from ..interaction import TaringInteractionForce, TurningInteractionForce
 from ..interfaces import Array, Partner, Plant, Skill, Tap
 from ..learned.skill import LearnedSkill
 from ..loop import Clock, run, unbroken
 from ..parallel import each
 from ..plants.beam import Beam, BeamPlant, WristSensor
+from ..plants.rigid import AtLever, RigidPlant, TurningObject
 from ..recording import Recording
 from ..tasks import named
 from .cases import TASK, Case, partner_of
@@ -69,8 +70,17 @@ def run_case(
     return run(world, skill, duration_s=case.run_s, estimator=estimator, clock=clock, taps=taps, metadata=about)
 
 
-def estimator_for(case: Case, dt: float) -> TaringInteractionForce:
+def estimator_for(case: Case, dt: float) -> TaringInteractionForce | TurningInteractionForce:
     """What a robot knows of the force: eq. (3) on line, for the task's object as stated."""
+    if case.turning is not None:
+        what = case.task.carried
+        held = TurningObject(what.mass_kg, what.length_m, what.width_m)
+        return TurningInteractionForce(
+            dt,
+            case.turning.load(held, what.share, case.task.gravity.tolist()),
+            cutoff_hz=min(FELT_CUTOFF_HZ, MOST_OF_THE_RATE / dt),
+            force_delay_s=EXPECTED_DELAY_S,
+        )
     return TaringInteractionForce(
         dt,
         gravity=case.task.gravity.tolist(),
@@ -92,6 +102,10 @@ def _plant(name: str, person: Partner, case: Case, dt: float, rng: np.random.Gen
     sensor = WristSensor(case.force_noise_n, case.force_bias_n, case.sensor_delay_s)
     about: dict[str, Any] = {"sensor": sensor, "axes": case.axes, "start_position": case.start_m, "dt": dt, "rng": rng}
     what = case.task
+    if case.turning is not None:
+        if name != "beam":
+            raise ParameterError(f"plant {name!r} does not turn the object; task {what.name!r} runs on the exact one, beam")
+        return _turning_plant(person, case, sensor, dt, rng)
     if name == "beam":
         beam = Beam(mass_kg=case.beam_mass_kg, length_m=what.carried.length_m)
         return BeamPlant(person, beam=beam, axial=what.carried.along, gravity=what.gravity.tolist(), **about)
@@ -100,6 +114,24 @@ def _plant(name: str, person: Partner, case: Case, dt: float, rng: np.random.Gen
 
         return HumanoidPlant(person, load_mass_kg=case.beam_mass_kg, length_m=what.carried.length_m, **about)
     raise ParameterError(f"plant {name!r} is unknown; plants are: {', '.join(PLANTS)}")
+
+
+def _turning_plant(person: Partner, case: Case, sensor: WristSensor, dt: float, rng: np.random.Generator) -> Plant:
+    what = case.task
+    assert case.turning is not None
+    return AtLever(
+        RigidPlant(
+            person,
+            case.turning,
+            held=TurningObject(case.beam_mass_kg, what.carried.length_m, what.carried.width_m),
+            share=what.carried.share,
+            sensor=sensor,
+            gravity=what.gravity.tolist(),
+            dt=dt,
+            start_position=case.start_m / np.where(np.isnan(what.levers_m), 1.0, what.levers_m),
+            rng=rng,
+        )
+    )
 
 
 def run_cases(
