@@ -113,9 +113,10 @@ class Turning:
 
     def course(self, course: Course, length_m: float, gone: Array | None = None) -> Course:
         """How the partner's grip goes when the hand goes `course`, its angle an arc; from a displacement `gone` (d,) on."""
-        scale: Array = np.ones(len(self.axes))
+        scale = np.ones(len(self.axes))
         scale[self.angle] = self.lever_m
-        times: Array = course.start_s + STEP_S * np.arange(max(round((course.stop_s - course.start_s) / STEP_S), 1) + 2)
+        steps = max(round((course.stop_s - course.start_s) / STEP_S), 1) + 2
+        times: Array = course.start_s + STEP_S * np.arange(steps, dtype=np.float64)
         before: Array = np.zeros(len(self.axes)) if gone is None else gone
         there = self.gripped((before + course.sampled(times)) / scale, length_m) - self.gripped(before / scale, length_m)
         return Course((), Curve.through(course.start_s, STEP_S, there), course.feedforward_kg)
