@@ -81,9 +81,9 @@ def test_newton_and_euler_hold_at_any_angle():
         phi = plant._turned()
         rate = plant._v[2] + plant._twist_rate
         side, arm = np.array([-np.sin(phi), np.cos(phi)]), np.array([np.cos(phi), np.sin(phi)])
-        centre, speed = plant._x[:2] + 0.4 * arm, plant._v[:2] + 0.4 * rate * side
+        centre, speed = np.array(plant._x[:2]) + 0.4 * arm, np.array(plant._v[:2]) + 0.4 * rate * side
         momentum.append([*(held.mass_kg * speed), spin * rate + held.mass_kg * (centre[0] * speed[1] - centre[1] * speed[0])])
-        at = plant._x[:2]
+        at = np.array(plant._x[:2])
         grip = at + held.length_m * arm
         push, hand = partner.value[:2], -obs.sensor_force[:2]
         forces.append(push + hand)

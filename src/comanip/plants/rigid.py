@@ -208,18 +208,15 @@ class RigidPlant:
     def reset(self) -> None:
         d = len(self.axes)
         self.time = 0.0
-        self._x, self._v, self._a = self._start.copy(), np.zeros(d), np.zeros(d)
-        self._twist = self._twist_rate = 0.0
-        self._turn_acceleration = 0.0
+        self._x, self._v, self._a = self._start.tolist(), [0.0] * d, [0.0] * d
+        self._start_floats, self._gravity_floats = self._start.tolist(), self._gravity.tolist()
+        self._twist = self._twist_rate = self._turn_acceleration = 0.0
         self._commanded[:] = 0.0
         self._pull[:] = 0.0
-        start = self._start.copy()
-        start[self.turning.angle] = 0.0
-        self._origin = start
-        self.partner.reset(start.copy())
         self._locate()
-        self._sensed = self._at_rest()
-        self._sampled = self._sensed.copy()
+        self.partner.reset(self._grip.copy())
+        self._sensed: list[float] = self._at_rest().tolist()
+        self._sampled = np.array(self._sensed)
         late = round(self.sensor.delay_s / self._step)
         self._line = deque([self._sensed] * (late + 1), maxlen=late + 1)
 
@@ -230,35 +227,22 @@ class RigidPlant:
     def _turned(self) -> float:
         """How far the object has turned since the start [rad]."""
         i = self.turning.angle
-        return float(self._x[i] - self._start[i]) + self._twist
-
-    def _arm(self, length_m: float) -> Array:
-        """(d,) from the hand along the object."""
-        out, phi, t = np.zeros(len(self.axes)), self._turned(), self.turning
-        if t.across is not None:
-            out[t.across] = length_m * sin(phi)
-            if t.axial is not None:
-                out[t.axial] = length_m * cos(phi)
-        return out
-
-    def _sideways(self, length_m: float) -> Array:
-        """(d,) the same arm turned by a quarter: times a rate it is a velocity."""
-        out, phi, t = np.zeros(len(self.axes)), self._turned(), self.turning
-        if t.across is not None:
-            out[t.across] = length_m * cos(phi)
-            if t.axial is not None:
-                out[t.axial] = -length_m * sin(phi)
-        return out
+        return self._x[i] - self._start_floats[i] + self._twist
 
     def _locate(self) -> None:
         """Where the partner's grip is, and how fast, as the partner is told."""
-        i, length = self.turning.angle, self.held.length_m
-        moved = self._x - self._start
-        moved[i] = self._turned()
-        self._grip[:] = self._origin + self.turning.gripped(moved, length)
-        rate = float(self._v[i]) + self._twist_rate
-        self._grip_speed[:] = self._v + rate * self._sideways(length)
-        self._grip_speed[i] = self.turning.lever_m * rate
+        i, length, t = self.turning.angle, self.held.length_m, self.turning
+        phi, rate = self._turned(), self._v[i] + self._twist_rate
+        self._cos, self._sin = cos(phi), sin(phi)
+        grip, speed = list(self._x), list(self._v)
+        if t.across is not None:
+            grip[t.across] += length * self._sin
+            speed[t.across] += rate * length * self._cos
+            if t.axial is not None:
+                grip[t.axial] += length * (self._cos - 1.0)
+                speed[t.axial] -= rate * length * self._sin
+        grip[i], speed[i] = t.lever_m * phi, t.lever_m * rate
+        self._grip[:], self._grip_speed[:] = grip, speed
 
     def read(self, obs: Observation) -> None:
         i, d = self.turning.angle, len(self.axes)
@@ -277,47 +261,58 @@ class RigidPlant:
 
     def _carried(self) -> Array:
         """(d,) what it takes to carry the object as it moves: m (a_c - g) [N], and I_c dd_phi [N m]."""
-        out = self.held.mass_kg * (self._centre_acceleration() - self._gravity)
+        out = self.held.mass_kg * (np.array(self._centre_acceleration()) - self._gravity)
         spin = self.held.along_kg_m2 if self._rolls else self.held.across_kg_m2
         out[self.turning.angle] = spin * self._turn_acceleration
         return np.asarray(out)
 
-    def _centre_acceleration(self) -> Array:
-        half, rate = 0.5 * self.held.length_m, float(self._v[self.turning.angle]) + self._twist_rate
-        out = self._a + self._turn_acceleration * self._sideways(half) - rate * rate * self._arm(half)
-        return np.asarray(out)
+    def _centre_acceleration(self) -> list[float]:
+        """a_h + dd_phi z x r_c - d_phi^2 r_c [m/s^2], with the sub-step's own angle."""
+        out, t = list(self._a), self.turning
+        if t.across is not None:
+            half, rate = 0.5 * self.held.length_m, self._v[t.angle] + self._twist_rate
+            out[t.across] += half * (self._turn_acceleration * self._cos - rate * rate * self._sin)
+            if t.axial is not None:
+                out[t.axial] -= half * (self._turn_acceleration * self._sin + rate * rate * self._cos)
+        return out
 
     def write(self, command: Command) -> None:
         self._commanded[:] = command.velocity
 
     def advance(self) -> None:
         """One control period. The sensor integrates over it, as anti-aliased sensors do."""
-        total = np.zeros(len(self.axes))
+        total, commanded = [0.0] * len(self.axes), self._commanded.tolist()
         for n in range(self._substeps):
             self.partner.force(self.time + n * self._step, self._grip, self._grip_speed, self._pull)
-            self._advance()
+            self._advance(commanded, self._pull.tolist())
             self._line.append(self._sensed)
-            total += self._line[0]
-        self._sampled = total / self._substeps
+            total = [t + f for t, f in zip(total, self._line[0], strict=True)]
+        self._sampled[:] = [t / self._substeps for t in total]
         self.time += self.dt
 
-    def _advance(self) -> None:
-        i, step, held = self.turning.angle, self._step, self.held
-        error = self._v - self._commanded
-        self._a = -error * ((1.0 - self._decay) / step)  # mean over the sub-step
-        self._x = self._x + self._commanded * step + error * (held.actuator_lag_s * (1.0 - self._decay))
-        self._v = self._commanded + error * self._decay
-        push = self._pull.copy()
-        push[i] = 0.0
-        moment = self.turning.lever_m * float(self._pull[i]) + float(self._sideways(held.length_m) @ push)
-        lengths = self._a - self._gravity
-        lengths[i] = 0.0
-        moment -= held.mass_kg * float(self._sideways(0.5 * held.length_m) @ lengths)
+    def _advance(self, commanded: list[float], pull: list[float]) -> None:
+        """One sub-step, in plain floats: on a few axes numpy's calls cost ten times the arithmetic."""
+        t, step, held, decay, gravity = self.turning, self._step, self.held, self._decay, self._gravity_floats
+        error = [v - c for v, c in zip(self._v, commanded, strict=True)]
+        self._a = [-e * ((1.0 - decay) / step) for e in error]  # mean over the sub-step
+        far = held.actuator_lag_s * (1.0 - decay)
+        self._x = [x + c * step + e * far for x, c, e in zip(self._x, commanded, error, strict=True)]
+        self._v = [c + e * decay for c, e in zip(commanded, error, strict=True)]
+        moment = t.lever_m * pull[t.angle]
+        half = 0.5 * held.length_m
+        self._cos, self._sin = cos(self._turned()), sin(self._turned())
+        if t.across is not None:
+            weight = held.mass_kg * half * (self._a[t.across] - gravity[t.across])
+            moment += self._cos * (held.length_m * pull[t.across] - weight)
+            if t.axial is not None:
+                weight = held.mass_kg * half * (self._a[t.axial] - gravity[t.axial])
+                moment -= self._sin * (held.length_m * pull[t.axial] - weight)
         wrist = held.wrist_stiffness_nm_per_rad * self._twist + self._damping * self._twist_rate
         self._turn_acceleration = (moment - wrist) / self._inertia
-        self._sensed = push - held.mass_kg * (self._centre_acceleration() - self._gravity)
-        self._sensed[i] = wrist
-        u, one, y, v = moment / self._inertia - float(self._a[i]), self._wrist, self._twist, self._twist_rate
+        centre = self._centre_acceleration()
+        self._sensed = [f - held.mass_kg * (c - g) for f, c, g in zip(pull, centre, gravity, strict=True)]
+        self._sensed[t.angle] = wrist
+        u, one, y, v = moment / self._inertia - self._a[t.angle], self._wrist, self._twist, self._twist_rate
         self._twist = one.yy * y + one.yv * v + one.yu * u
         self._twist_rate = one.vy * y + one.vv * v + one.vu * u
         self._locate()
