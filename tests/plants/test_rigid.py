@@ -14,7 +14,7 @@ from comanip.plants.rigid import AtLever, RigidPlant, Turning, TurningObject
 
 NAN = float("nan")
 STILL = WristSensor(noise_n=0.0, bias_n=0.0, delay_s=0.0)
-DOOR = Turning(("x", "y", "yaw"), (NAN, NAN, 0.7), "x")
+DOOR = Turning(("x", "y", "yaw"), (NAN, NAN, 0.7), "x", hands_m=0.3)
 
 
 class Pushes:
@@ -90,7 +90,7 @@ def test_newton_and_euler_hold_at_any_angle():
         moments.append(
             grip[0] * push[1]
             - grip[1] * push[0]
-            + 0.7 * partner.value[2]
+            + 0.3 * partner.value[2]
             + at[0] * hand[1]
             - at[1] * hand[0]
             - obs.sensor_force[2]
@@ -142,7 +142,7 @@ def test_where_the_partner_takes_hold_is_where_its_way_begins_and_leads():
     """`gripped` is the motion of the grip of an object that the hand turns by that much."""
     turned = np.array([0.3, 0.1, 1.1])
     found = DOOR.gripped(turned, 1.2)
-    np.testing.assert_allclose(found, [0.3 + 1.2 * (np.cos(1.1) - 1.0), 0.1 + 1.2 * np.sin(1.1), 0.7 * 1.1])
+    np.testing.assert_allclose(found, [0.3 + 1.2 * (np.cos(1.1) - 1.0), 0.1 + 1.2 * np.sin(1.1), 0.3 * 1.1])
     partner = Pushes([0.0, 0.0, 0.0])
     plant = made(partner, held=TurningObject(length_m=1.2), start_position=np.array([0.5, 0.2, 0.3]))
     run(plant, 1.0, lambda t: np.array([0.3, 0.1, 1.1]) / 0.98)

@@ -65,6 +65,7 @@ class Turning:
     axes      (d,) names
     levers_m  (d,) at which an angle counts as a length, NaN for a length
     along     the axis that the object lies along at the start; it need not be one of `axes`
+    hands_m   at which the partner's own hands turn the object: two on a rim are so far apart, a wrist is less
 
     One axis is an angle. It turns the object from `along` towards the first length that is not `along`; where there is none, it
     rolls about its own long axis.
@@ -73,6 +74,7 @@ class Turning:
     axes: tuple[str, ...]
     levers_m: tuple[float, ...]
     along: str = ""
+    hands_m: float = 0.25
 
     def __post_init__(self) -> None:
         if len(self.levers_m) != len(self.axes):
@@ -101,14 +103,14 @@ class Turning:
 
     def gripped(self, displacement: Array, length_m: float) -> Array:
         """(..., d) how the partner's grip moves when the hand moves the object by `displacement` (..., d): lengths [m], and the
-        angle [rad] at the lever, [m]."""
+        angle [rad] at the partner's hands, [m]."""
         out = np.array(displacement, dtype=float)
         turned = out[..., self.angle]
         if self.across is not None:
             out[..., self.across] += length_m * np.sin(turned)
         if self.axial is not None:
             out[..., self.axial] += length_m * (np.cos(turned) - 1.0)
-        out[..., self.angle] = self.lever_m * turned
+        out[..., self.angle] = self.hands_m * turned
         return out
 
     def course(self, course: Course, length_m: float, gone: Array | None = None) -> Course:
@@ -124,7 +126,8 @@ class Turning:
     def ungripped(self, displacement: Array, length_m: float) -> Array:
         """(..., d) the hand's displacement, with the angle as an arc, of a grip's: what undoes `gripped`."""
         out = np.array(displacement, dtype=float)
-        turned = out[..., self.angle] / self.lever_m
+        turned = out[..., self.angle] / self.hands_m
+        out[..., self.angle] = self.lever_m * turned
         if self.across is not None:
             out[..., self.across] -= length_m * np.sin(turned)
         if self.axial is not None:
@@ -143,8 +146,8 @@ class Turning:
 class RigidPlant:
     """Robot hand, turning object and partner in closed loop; positions [m] and [rad], forces [N] and [N m].
 
-    The partner is asked in lengths, as people are made: where its grip is, seen from where it took hold, and at the lever how far
-    the object has turned; its force there times the lever is its torque.
+    The partner is asked in lengths, as people are made: where its grip is, seen from where it took hold, and how far the object
+    has turned at `Turning.hands_m`; its force there times that is its torque.
 
     gravity          (d,) [m/s^2]; default: none, the plane is level
     start_position   (d,) of the hand [m], [rad]; dt, substep_s, rng as for `BeamPlant`
@@ -241,7 +244,7 @@ class RigidPlant:
             if t.axial is not None:
                 grip[t.axial] += length * (self._cos - 1.0)
                 speed[t.axial] -= rate * length * self._sin
-        grip[i], speed[i] = t.lever_m * phi, t.lever_m * rate
+        grip[i], speed[i] = t.hands_m * phi, t.hands_m * rate
         self._grip[:], self._grip_speed[:] = grip, speed
 
     def read(self, obs: Observation) -> None:
@@ -257,7 +260,7 @@ class RigidPlant:
         self._true[:] = self._sensed + self._share * self._carried()
         self._channels["partner.position"][0][:] = self._grip
         self._channels["partner.force"][0][:] = self._pull
-        self._channels["partner.force"][0][i] = self.turning.lever_m * self._pull[i]
+        self._channels["partner.force"][0][i] = self.turning.hands_m * self._pull[i]
 
     def _carried(self) -> Array:
         """(d,) what it takes to carry the object as it moves: m (a_c - g) [N], and I_c dd_phi [N m]."""
@@ -298,7 +301,7 @@ class RigidPlant:
         far = held.actuator_lag_s * (1.0 - decay)
         self._x = [x + c * step + e * far for x, c, e in zip(self._x, commanded, error, strict=True)]
         self._v = [c + e * decay for c, e in zip(commanded, error, strict=True)]
-        moment = t.lever_m * pull[t.angle]
+        moment = t.hands_m * pull[t.angle]
         half = 0.5 * held.length_m
         self._cos, self._sin = cos(self._turned()), sin(self._turned())
         if t.across is not None:
