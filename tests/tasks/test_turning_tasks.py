@@ -35,7 +35,7 @@ def test_a_task_in_arcs_is_the_same_way_with_angles_at_their_levers():
         np.testing.assert_allclose(other, own * scale, atol=1e-12)
         assert set(arcs.units) == {"m"}
         assert arcs.in_arcs() is arcs
-        assert not arcs.needs
+        assert bool(arcs.needs) == (name == "door")
     assert named("lift").in_arcs() is named("lift")
 
 
@@ -134,12 +134,10 @@ def test_a_bias_is_tared_and_a_missing_sample_is_missing():
     assert np.isfinite(obs.force[[0, 2]]).all()
 
 
-@pytest.mark.parametrize("task", ["turn", "door"])
-def test_a_lesson_ends_where_it_was_meant_to_and_its_force_is_the_partners(task):
-    (lesson,) = teach("leader", 1, task=task, rng=np.random.default_rng(3))
+def test_a_lesson_ends_where_it_was_meant_to_and_its_force_is_the_partners():
+    (lesson,) = teach("leader", 1, task="turn", rng=np.random.default_rng(3))
     moved = lesson["hand.position"].values
-    # a teacher at the handle gives way a little to a partner who is still pulled along: 7 % of the longest arc
-    assert np.linalg.norm(moved[-1] - moved[0] - lesson.metadata["end_m"]) < 0.03 + 0.07 * np.abs(moved - moved[0]).max()
+    np.testing.assert_allclose(moved[-1] - moved[0], lesson.metadata["end_m"], atol=0.03)
     apart = lesson["hand.force"].values - lesson["hand.true_force"].values
     assert np.sqrt((apart[200:-200] ** 2).mean()) < 0.35  # noise of the sensor is 0.2 N; the torque's is less, at the lever more
     assert "incomplete" not in lesson.metadata

@@ -174,6 +174,8 @@ class Task:
         turned = [axis.name for axis in self.axes_ if axis.kind != LENGTH]
         if len(turned) > 1:
             return f"a plant that turns the object about more than one axis ({', '.join(turned)})"
+        if turned and len(turned) < len(self.axes_):
+            return f"a partner who, from the far end, leads the robot's end too ({turned[0]} beside lengths); its plant is there"
         share = self.carried.share
         return "" if share == 0.5 else f"a plant whose hand carries {share:g} of the object (the beam halves it)"
 
