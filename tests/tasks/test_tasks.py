@@ -118,7 +118,7 @@ def test_a_course_at_other_times_visits_the_same_places():
 
 @pytest.mark.parametrize("name", RUN_HERE)
 def test_partners_are_drawn_wider_than_lessons(name):
-    task, rng = named(name), np.random.default_rng(0)
+    task, rng = named(name).in_arcs(), np.random.default_rng(0)
     lessons = [draw_lesson(task, rng) for _ in range(400)]
     cases = [draw_case("follower", rng, task=task) for _ in range(400)]
     assert np.std([c.lift_m for c in cases]) > 1.1 * np.std([d.size_m for d in lessons])
