@@ -13,12 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .errors import ParameterError
 from .interfaces import STANDARD_GRAVITY, Array, Observation
+from .signals import sphere
 from .signals.filters import Lowpass
 
 MOST_GAP_S = 0.05  # between two samples of a slow sensor
@@ -40,13 +41,92 @@ def gravity_along(axes: Sequence[str]) -> Array:
 
 
 def interaction_force(
-    sensor_force: Array, acceleration: Array, *, mass_kg: float, load_share: float = 0.5, gravity: Array
+    sensor_force: Array, acceleration: Array, *, mass_kg: float | Array, load_share: float = 0.5, gravity: Array
 ) -> Array:
     """Eq. (3), F = F_s + s m (a - g); (T, d) or (d,) [N] from F_s [N], a [m/s^2] and g (d,) [m/s^2].
 
+    mass_kg   one number, or (d,) where inertia differs by axis: an angle at its lever
     The same low-pass must have been applied to F_s and a, or their delay shows up as a force that nobody exerts.
     """
     return np.asarray(sensor_force + load_share * mass_kg * (acceleration - gravity))
+
+
+class Wrench(NamedTuple):
+    """force (T, 3) [N] and torque about the hand's origin (T, 3) [N m], task frame."""
+
+    force: Array
+    torque: Array
+
+
+@dataclass(frozen=True)
+class RigidLoad:
+    """An object in two hands, for `interaction_wrench`; vectors and matrix in the robot hand's own axes.
+
+    centre_m       (3,) its centre of mass, from the hand's origin [m]
+    inertia_kg_m2  (3, 3) about its centre of mass
+    partner_m      (3,) where the partner holds it, from the hand's origin [m]; None: on the line through the centre of mass,
+                   where the partner's share balances the weight about the hand (the far end of a beam that two share alike)
+    share          the robot's, of weight and inertia
+    """
+
+    mass_kg: float
+    centre_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    inertia_kg_m2: tuple[tuple[float, float, float], ...] = ((0.0,) * 3,) * 3
+    partner_m: tuple[float, float, float] | None = None
+    share: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.mass_kg < math.inf:
+            raise ParameterError(f"mass is {self.mass_kg:g} kg; allowed: finite and >= 0")
+        if not 0.0 <= self.share <= 1.0:
+            raise ParameterError(f"share is {self.share:g}; allowed: 0 to 1")
+        for name, shape in (("centre_m", (3,)), ("inertia_kg_m2", (3, 3)), ("partner_m", (3,))):
+            value = getattr(self, name)
+            if value is not None and (np.shape(value) != shape or not np.isfinite(value).all()):
+                raise ParameterError(f"{name} has shape {np.shape(value)}; allowed: {shape}, finite")
+        inertia = np.array(self.inertia_kg_m2)
+        if not np.allclose(inertia, inertia.T) or np.linalg.eigvalsh(inertia)[0] < -1e-12:
+            raise ParameterError(
+                "inertia_kg_m2 must be symmetric with moments >= 0; products of inertia go in with their minus sign"
+            )
+
+
+def interaction_wrench(
+    sensed: Wrench,
+    orientation: Array,
+    acceleration: Array,
+    angular_velocity: Array,
+    angular_acceleration: Array,
+    *,
+    load: RigidLoad,
+    gravity: Array,
+) -> Wrench:
+    """Eq. (3) for force and torque of a rigid load: what the partner does to the hand beyond carrying a share of it.
+
+        F = F_s + s m (a_c - g)
+        T = T_s + r_c x m (a_c - g) - r_u x (1 - s) m (a_c - g) + s (I dw + w x I w)
+
+    a_c = a + dw x r_c + w x (w x r_c) is the acceleration of the centre of mass; r_c and r_u go from the hand to the centre of
+    mass and to the partner. A partner who carries the share 1 - s of weight and inertia and means nothing else gives F = T = 0,
+    so a share of 1 gives the partner's whole wrench about the hand.
+
+    sensed                what the OBJECT does to the hand: F_s, T_s
+    orientation           (T, 4) of the hand, w, x, y, z; acceleration (T, 3) of its origin [m/s^2]
+    angular_*             (T, 3) [rad/s], [rad/s^2], task frame; gravity (3,) [m/s^2]
+
+    The same low-pass must have been applied to all of them, or their delay shows up as a wrench that nobody exerts.
+    """
+    turn = sphere.matrix(orientation)
+    centre = turn @ np.array(load.centre_m)
+    inertia = turn @ np.array(load.inertia_kg_m2) @ np.swapaxes(turn, -1, -2)
+    w, dw = np.asarray(angular_velocity), np.asarray(angular_acceleration)
+    at_centre = acceleration + np.cross(dw, centre) + np.cross(w, np.cross(w, centre))
+    carries = load.mass_kg * (at_centre - gravity)
+    # where the partner's share balances the load about the hand, the two moments of weight cancel
+    held = centre if load.partner_m is None else centre - (1.0 - load.share) * (turn @ np.array(load.partner_m))
+    moment = np.zeros_like(carries) if load.partner_m is None and load.share < 1.0 else np.cross(held, carries)
+    spin = np.einsum("...ij,...j->...i", inertia, dw) + np.cross(w, np.einsum("...ij,...j->...i", inertia, w))
+    return Wrench(np.asarray(sensed.force + load.share * carries), np.asarray(sensed.torque + moment + load.share * spin))
 
 
 @dataclass(frozen=True)
@@ -160,7 +240,7 @@ class CausalInteractionForce:
         self,
         dt: float,
         *,
-        mass_kg: float,
+        mass_kg: float | Sequence[float],
         gravity: Sequence[float],
         load_share: float = 0.5,
         bias: Sequence[float] = (),
@@ -168,23 +248,27 @@ class CausalInteractionForce:
         force_delay_s: float = 0.0,
         sensor_period_s: float = 0.0,
     ) -> None:
-        """`gravity`, `bias`: (d,) [m/s^2], [N]; `force_delay_s`: how much later F_s comes than the velocity [s].
+        """`gravity`, `bias`: (d,) [m/s^2], [N]; `mass_kg`: one, or one an axis; `force_delay_s`: how much later F_s comes [s].
 
         cutoff_hz         of the low-pass; None: 40 Hz, or 0.4 of the rate where that is less
         sensor_period_s   of a force sensor slower than `dt` [s]; 0: a sample each tick
         """
-        if not (dt > 0.0 and mass_kg >= 0.0 and 0.0 <= load_share <= 1.0 and force_delay_s >= 0.0 and sensor_period_s >= 0.0):
+        masses = [float(mass_kg)] * len(gravity) if isinstance(mass_kg, int | float) else [float(m) for m in mass_kg]
+        if len(masses) != len(gravity):
+            raise ParameterError(f"mass_kg has {len(masses)} entries; allowed: 1, or {len(gravity)}, one an axis")
+        least = min(masses, default=0.0)
+        if not (dt > 0.0 and least >= 0.0 and 0.0 <= load_share <= 1.0 and force_delay_s >= 0.0 and sensor_period_s >= 0.0):
             raise ParameterError(
-                f"dt {dt:g} s, mass {mass_kg:g} kg, load_share {load_share:g}, force_delay_s {force_delay_s:g}, "
+                f"dt {dt:g} s, mass {least:g} kg, load_share {load_share:g}, force_delay_s {force_delay_s:g}, "
                 f"sensor_period_s {sensor_period_s:g}; allowed: dt > 0, mass >= 0, 0 <= load_share <= 1, delay and period >= 0"
             )
         self._good_s = 1.5 * sensor_period_s  # of a sample
         self._dt = dt
-        self._load = load_share * mass_kg  # [kg]
+        self._loads = [load_share * mass for mass in masses]  # [kg]
         bias = tuple(bias) or (0.0,) * len(gravity)
         if len(bias) != len(gravity):
             raise ParameterError(f"bias has {len(bias)} entries; allowed: {len(gravity)}, one an axis")
-        self._offset = [-self._load * g - b for g, b in zip(gravity, bias, strict=True)]  # [N]
+        self._offset = [-load * g - b for load, g, b in zip(self._loads, gravity, bias, strict=True)]  # [N]
         self._average = force_delay_s < 0.5 * dt
         wait = (force_delay_s if self._average else force_delay_s - 0.5 * dt) / dt  # [ticks]
         self._late, self._blend = int(wait), wait - int(wait)
@@ -230,7 +314,7 @@ class CausalInteractionForce:
             acceleration = past[self._late] + self._blend * (past[self._late + 1] - past[self._late])
             if self._average and last == last:
                 force = 0.5 * (force + last)
-            obs.force[i] = section.step(force + self._load * acceleration + self._offset[i])
+            obs.force[i] = section.step(force + self._loads[i] * acceleration + self._offset[i])
 
     def begin(self, sample: Sequence[float], age_s: float) -> None:
         """After `sample` (d,) of F_s [N], so old: the first ticks may come before the next."""
@@ -331,3 +415,87 @@ class TaringInteractionForce:
         )
         force.begin(self._last, self._gap * self._dt)
         return force
+
+
+@dataclass(frozen=True)
+class TurningLoad:
+    """What a hand carries of an object that turns about one axis, the angle an arc [m] at `lever_m`, torque a force there [N].
+
+    carried_kg      (d,) the hand's share of mass; of the arc, its share of the inertia about the centre of mass over lever_m^2
+    gravity         (d,) [m/s^2]
+    angle           column of the arc; across, axial: of the lengths that the object turns towards, and lies along at the start
+    centre_m        from the hand to the centre of mass, along the object [m]; 0 where it rolls
+    """
+
+    carried_kg: tuple[float, ...]
+    gravity: tuple[float, ...]
+    angle: int
+    lever_m: float
+    across: int | None = None
+    axial: int | None = None
+    centre_m: float = 0.0
+
+    def centre_velocity(self, moved: Array, velocity: Array) -> Array:
+        """(..., d) [m/s] of the centre of mass; the arc keeps its own. `moved` (..., d) [m] from the start."""
+        out = np.array(velocity, dtype=float)
+        turned, rate = moved[..., self.angle] / self.lever_m, velocity[..., self.angle] / self.lever_m
+        if self.across is not None:
+            out[..., self.across] += rate * self.centre_m * np.cos(turned)
+        if self.axial is not None:
+            out[..., self.axial] -= rate * self.centre_m * np.sin(turned)
+        return out
+
+    def interaction(self, sensor_force: Array, velocity_rate: Array) -> Array:
+        """Eq. (3), (T, d) [N], from F_s and the acceleration of the centre of mass (T, d) [m/s^2]."""
+        return interaction_force(
+            sensor_force, velocity_rate, mass_kg=np.array(self.carried_kg), load_share=1.0, gravity=np.array(self.gravity)
+        )
+
+
+class TurningInteractionForce:
+    """Eq. (3) tick by tick for a `TurningLoad`: `CausalInteractionForce` of its centre of mass, tared at rest.
+
+    What the sensor reads in the first `tare_s` of a run, at rest, beyond the stated weight, is its bias.
+    """
+
+    def __init__(
+        self, dt: float, load: TurningLoad, *, tare_s: float = 0.25, moving_m_per_s: float = 0.01, **filtering: Any
+    ) -> None:
+        self._dt, self._load, self._filtering = dt, load, filtering
+        self._ticks, self._moving = round(tare_s / dt), moving_m_per_s
+        self._weight = np.array(load.carried_kg) * np.array(load.gravity)
+        self._seen = Observation(len(load.gravity))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets the past and the bias: the next window at rest counts."""
+        self._sum, self._count = np.zeros(len(self._weight)), 0
+        self._start: Array | None = None
+        self._force: CausalInteractionForce | None = None
+
+    def step(self, obs: Observation) -> None:
+        """Writes F (d,) [N] into `obs.force`; 0 while it tares, NaN where force or velocity is missing."""
+        if self._start is None and np.isfinite(obs.position).all():
+            self._start = obs.position.copy()
+        if self._force is None:
+            resting = bool((np.abs(obs.velocity) < self._moving).all()) and bool((np.abs(obs.sensor_force) < MAX_FORCE).all())
+            if resting and self._count < self._ticks:
+                self._sum += obs.sensor_force
+                self._count += 1
+                obs.force[:] = 0.0
+                return
+            self._force = self._tared()
+        seen = self._seen
+        seen.sensor_force[:] = obs.sensor_force
+        # an angle that is missing for a tick leaves what turns with it missing, too
+        moved = obs.position - (obs.position if self._start is None else self._start)
+        seen.velocity[:] = self._load.centre_velocity(moved, obs.velocity)
+        self._force.step(seen)
+        obs.force[:] = seen.force
+
+    def _tared(self) -> CausalInteractionForce:
+        bias = self._sum / self._count - self._weight if self._count >= 3 else np.zeros(len(self._weight))
+        load = self._load
+        return CausalInteractionForce(
+            self._dt, mass_kg=load.carried_kg, load_share=1.0, gravity=load.gravity, bias=bias.tolist(), **self._filtering
+        )

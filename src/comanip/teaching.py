@@ -26,6 +26,7 @@ from .people.intent import Course, Yielding
 from .people.partners import Arm, HumanFollower, HumanLeader, HumanSharing, dyad
 from .people.teacher import Teacher, TeacherHand
 from .plants.beam import Beam, WristSensor
+from .plants.rigid import Turning, TurningObject
 from .recording import Recording
 from .signals.filters import differentiate, smooth
 from .skills.passivity import Passive
@@ -175,7 +176,7 @@ def teach(
     if role not in SCENARIOS:
         raise unknown("role", role, SCENARIOS)
     check_generator(rng)
-    what, make = named(task).runnable(), _maker(plant)
+    what, make = named(task).runnable().in_arcs(), _maker(plant)
     carried = beam or Beam(mass_kg=what.carried.mass_kg, length_m=what.carried.length_m)
     recordings = []
     for number in range(lessons):
@@ -234,6 +235,7 @@ def _lesson(
         "duration_s": drawn.duration_s,
         "onset_s": drawn.onset_s,
         "end_m": course.end.tolist(),
+        **({"levers_m": dict(zip(task.axes, task.levers_m, strict=True))} if task.turns else {}),
         "coupling": asdict(coupling),
     }
     metadata |= {"goal": drawn.goal} if drawn.goal else {}
@@ -271,6 +273,12 @@ def _with_interaction_force(recording: Recording, beam: Beam, task: Task) -> Rec
     if len(speed) < 20:
         return recording
     dt = recording.metadata["dt_s"]
+    if task.turns:  # no mass alone takes the load's inertia off: the force of the lesson is made here
+        load = _turning(task).load(_turned(beam, task), task.carried.share, task.gravity.tolist())
+        place = recording["hand.position"].values
+        rate = smooth(differentiate(load.centre_velocity(place - place[0], speed), dt), dt, FORCE_CUTOFF_HZ)
+        force = load.interaction(smooth(sensed.values, dt, FORCE_CUTOFF_HZ), rate)
+        return recording.with_channels({"hand.force": replace(sensed, values=force)})
     force = interaction_force(
         smooth(sensed.values, dt, FORCE_CUTOFF_HZ),
         smooth(differentiate(speed, dt), dt, FORCE_CUTOFF_HZ),
@@ -279,6 +287,14 @@ def _with_interaction_force(recording: Recording, beam: Beam, task: Task) -> Rec
         gravity=task.gravity,
     )
     return recording.with_channels({"hand.compensated_force": replace(sensed, values=force)})
+
+
+def _turning(task: Task) -> Turning:
+    return Turning(task.axes, task.levers_m, task.carried.along)
+
+
+def _turned(beam: Beam, task: Task) -> TurningObject:
+    return TurningObject(beam.mass_kg, beam.length_m, task.carried.width_m)
 
 
 def _maker(plant: str | MakesPlant) -> MakesPlant:
@@ -312,16 +328,20 @@ def _people(
     def meant(one: Drawn) -> Course:
         return way(task, one, share_kg).course
 
+    def at_grip(one: Drawn) -> Course:
+        """Where the partner's own hand goes for it."""
+        return _turning(task).course(meant(one), task.carried.length_m) if task.turns else meant(one)
+
     if role == "follower":
         hand, yielding = habits.following_hand, _felt_by_teacher(habits, coupling)
         teacher = Teacher(yielding=yielding, hand=hand, static_force=static, moving=everywhere, rng=rng)
-        return HumanLeader(meant(drawn), arm, **about), teacher
+        return HumanLeader(at_grip(drawn), arm, **about), teacher
     hand = habits.leading_hand
     if role == "leader":
         plan = _at_handle(meant(drawn), hand, coupling)
         partner = HumanFollower(habits.yielding, arm, moving=task.axes, **about)
         return partner, Teacher(plan=plan, hand=hand, static_force=static, rng=rng)
-    partners, teachers = (meant(_idea(task, drawn, habits, rng)) for _ in range(2))
+    partners, teachers = (made(_idea(task, drawn, habits, rng)) for made in (at_grip, meant))
     teacher = Teacher(
         plan=_at_handle(teachers, hand, coupling),
         yielding=_felt_by_teacher(habits, coupling),

@@ -34,6 +34,7 @@ from .faults import (
 )
 from .forces import Bias, check_force, check_sensor, known_bias, stated_bias, tared
 from .jumps import check_jumps
+from .orientations import VECTOR, angular_velocity, is_quaternion, oriented, turning, unit
 from .stamps import one_rate
 
 __all__ = ["Demonstration", "Preparation", "check_set", "demonstration", "demonstrations", "require"]
@@ -153,7 +154,9 @@ class Preparation:
     split_gaps          one demonstration for each piece between gaps (see `demonstrations`)
     integrate_position  make up a missing position from the velocity, starting at 0
     role                "leader", "follower" or "natural": what recordings that state none are of; must agree with the others' own
-    extra               further channels to carry along
+    extra               further channels to carry along; columns w, x, y, z are quaternions and treated as such
+    orientation         carry hand.orientation along: "orientation" (T, 4: w, x, y, z, of length 1, one sign), its
+                        "angular_velocity" (T, 3) [rad/s, task frame], and "torque" (T, 3) [N m] where there is hand.torque
     min_frames          shortest use: K + 1 for K states
     plausible           ranges that reveal wrong units; None skips them
     """
@@ -171,6 +174,7 @@ class Preparation:
     integrate_position: bool = False
     role: str | None = None
     extra: tuple[str, ...] | None = None
+    orientation: bool = False
     min_frames: int = 4
     plausible: Plausible | None = field(default_factory=Plausible)
 
@@ -344,6 +348,8 @@ def _channels(recording: Recording, where: str, chosen: Preparation, notes: list
         if name in _KIND:
             raise ChannelError(f"{where}: an extra channel is called {name!r}, as one of the signals; give it another name")
         found[name] = recording[name]
+    if chosen.orientation:
+        found |= turning(recording, where)
     if (chosen.tare or chosen.force_bias_n is not None) and not {"force", "sensor_force"} & set(found):
         there = ", ".join(recording.channels) or "nothing"
         raise ChannelError(f"{where}: there is no force to take a bias off; found {there}{unused(notes)}")
@@ -358,6 +364,8 @@ def _channels(recording: Recording, where: str, chosen: Preparation, notes: list
             if not channel.frame:
                 notes.append(f"{name}: no frame is stored; taken as the task frame")
         found[name] = cleaned(at, channel, drop_bad=chosen.drop_bad, min_frames=chosen.min_frames, notes=notes)
+        if is_quaternion(channel):
+            found[name] = oriented(at, found[name], notes)
         check_period(at, found[name])
         if name in _KIND and chosen.plausible is not None:
             check_plausible(at, _KIND[name], found[name], chosen.plausible)
@@ -389,6 +397,12 @@ def _signals(
     axes = channels["position" if "position" in channels else "velocity"].axes
     units = {n: c.unit for n, c in channels.items()}
     cutoff = _cutoff(chosen.cutoff_hz, dt, notes)
+    for name in (n for n, c in channels.items() if is_quaternion(c)):
+        signals[name] = unit(signals[name])
+    if chosen.orientation:
+        signals["angular_velocity"] = angular_velocity(signals["orientation"], dt, cutoff)
+        units["angular_velocity"] = "rad/s"
+        notes.append(f"angular_velocity derived from orientation: zero-phase low-pass {cutoff:.4g} Hz, turns between frames")
     _complete(signals, units, dt, cutoff, where, axes, notes)
     if "sensor_force" in signals:
         signals["force"] = _interaction(signals, dt, cutoff, chosen, axes, where, notes)
@@ -416,6 +430,7 @@ def _finished(
         raise RecordingError(f"{where}: {frames} frames at {1 / dt:g} Hz; needs >= {chosen.min_frames}: record longer")
     ordered = {n: signals[n] for n in (*_ORDER, *(s for s in signals if s not in _ORDER)) if n in signals}
     extra_axes = {n: c.axes for n, c in channels.items() if n in ordered and n not in _KIND}
+    extra_axes |= {"angular_velocity": VECTOR} if "angular_velocity" in ordered else {}
     source = str(recording.metadata.get("source", ""))
     return Demonstration(name, dt, ordered, axes, role, source, units, tuple(notes), extra_axes)
 

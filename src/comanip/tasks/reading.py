@@ -120,14 +120,17 @@ class _Reader:
         for name, value in table.items():
             key = f"axes.{name}"
             one = self._table(value, key)
-            self._known(one, key, ("kind", "start", "up"))
+            self._known(one, key, ("kind", "start", "up", "lever_m"))
             kind = self._text(one.get("kind", LENGTH), f"{key}.kind")
             if kind not in (LENGTH, ANGLE):
                 raise self._fail(f"{key}.kind", f"is {kind!r}; allowed: {LENGTH}, {ANGLE}")
             up = self._number(one.get("up", 0.0), f"{key}.up", least=-1.0, most=1.0)
             if kind == ANGLE and up:
                 raise self._fail(f"{key}.up", "an angle has no weight along it; leave it out")
-            axes.append(Axis(name, kind, self._number(one.get("start", 0.0), f"{key}.start"), up))
+            if kind == LENGTH and "lever_m" in one:
+                raise self._fail(f"{key}.lever_m", "only an angle has a lever; leave it out")
+            lever = self._number(one.get("lever_m", Axis.lever_m), f"{key}.lever_m", above=0.0)
+            axes.append(Axis(name, kind, self._number(one.get("start", 0.0), f"{key}.start"), up, lever))
         if sum(axis.up**2 for axis in axes) > 1.0 + 1e-9:
             raise self._fail("axes", "the squares of `up` must not add up to more than 1: there is one vertical")
         return tuple(axes)
@@ -196,7 +199,7 @@ class _Reader:
             raise self._fail("object.along", f"is {made.along!r}, an unknown axis; this task has: {self._axis_names()}")
         if made.share > 1.0:
             raise self._fail("object.share", f"is {made.share:g}; allowed: 0 to 1")
-        for name in ("mass_kg", "length_m"):
+        for name in ("mass_kg", "length_m", "width_m"):
             if not getattr(made, name) > 0.0:
                 raise self._fail(f"object.{name}", f"is {getattr(made, name):g}; allowed: > 0")
         return made

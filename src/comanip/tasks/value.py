@@ -7,26 +7,29 @@ lengths [m] or angles [rad].
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from math import hypot
+from dataclasses import dataclass, field, replace
+from math import hypot, nan
+from typing import Any
 
 import numpy as np
 
 from ..errors import ParameterError
 from ..interfaces import STANDARD_GRAVITY, Array
 
-LENGTH, ANGLE = "length", "angle"
-UNITS = {LENGTH: "m", ANGLE: "rad"}
+LENGTH, ANGLE, ARC = "length", "angle", "arc"  # an arc is an angle at its lever: the length that a point there goes
+UNITS = {LENGTH: "m", ANGLE: "rad", ARC: "m"}
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One task axis. `up` is the cosine between it and the vertical: 1 points up, -1 down, 0 lies level."""
+    """One task axis. `up` is the cosine between it and the vertical: 1 points up, -1 down, 0 lies level. An angle counts as a
+    length at `lever_m`."""
 
     name: str
     kind: str = LENGTH
     start: float = 0.0
     up: float = 0.0
+    lever_m: float = 0.25
 
     @property
     def unit(self) -> str:
@@ -74,10 +77,11 @@ class Obstacle:
 
 @dataclass(frozen=True)
 class Carried:
-    """The object: what it weighs, how long it is, the hand's share, and the axis that it lies along ("": across all)."""
+    """The object: what it weighs, how long and wide it is, the hand's share, and the axis that it lies along ("": across all)."""
 
     mass_kg: float = 2.0
     length_m: float = 0.8
+    width_m: float = 0.2
     share: float = 0.5
     along: str = ""
 
@@ -167,9 +171,11 @@ class Task:
     @property
     def needs(self) -> str:
         """What no exact plant here can do yet; empty where the beam runs the task."""
-        turned = [axis.name for axis in self.axes_ if axis.kind == ANGLE]
-        if turned:
-            return f"a plant that turns the object ({', '.join(turned)} in rad)"
+        turned = [axis.name for axis in self.axes_ if axis.kind != LENGTH]
+        if len(turned) > 1:
+            return f"a plant that turns the object about more than one axis ({', '.join(turned)})"
+        if turned and len(turned) < len(self.axes_):
+            return f"a partner who, from the far end, leads the robot's end too ({turned[0]} beside lengths); its plant is there"
         share = self.carried.share
         return "" if share == 0.5 else f"a plant whose hand carries {share:g} of the object (the beam halves it)"
 
@@ -178,6 +184,39 @@ class Task:
         if self.needs:
             raise ParameterError(f"task {self.name!r} cannot be run yet: it needs {self.needs}; `comanip tasks` draws it")
         return self
+
+    @property
+    def levers_m(self) -> tuple[float, ...]:
+        """(d,) at which an angle counts as a length; NaN for a length."""
+        return tuple(nan if axis.kind == LENGTH else axis.lever_m for axis in self.axes_)
+
+    @property
+    def turns(self) -> bool:
+        """Whether any axis is an angle."""
+        return any(axis.kind != LENGTH for axis in self.axes_)
+
+    def in_arcs(self) -> Task:
+        """The same with every angle as the arc at its lever [m], so that lengths of vectors mean something.
+
+        Where all axes are angles, what lessons and partners vary is rad in the file, and at the lever of the first here.
+        """
+        if all(axis.kind != ANGLE for axis in self.axes_):
+            return self
+        scale = np.array([axis.lever_m if axis.kind == ANGLE else 1.0 for axis in self.axes_])
+
+        def at(place: tuple[float, ...]) -> tuple[float, ...]:
+            return tuple((np.array(place) * scale).tolist()) if place else place
+
+        axes = tuple(
+            replace(axis, kind=ARC, start=axis.start * axis.lever_m) if axis.kind == ANGLE else axis for axis in self.axes_
+        )
+        phases = tuple(
+            replace(p, to=None if p.to is None else at(p.to), centre=at(p.centre), towards=at(p.towards)) for p in self.phases
+        )
+        goals = {name: at(place) for name, place in self.goals.items()}
+        alone = axes[0].lever_m if all(axis.kind == ARC for axis in axes) else 1.0
+        lessons, partners = _scaled(self.lessons, alone), _scaled(self.partners, alone)
+        return replace(self, axes_=axes, phases=phases, goals=goals, lessons=lessons, partners=partners)
 
     @property
     def size_m(self) -> float:
@@ -218,6 +257,12 @@ class Task:
             apart = np.asarray(displacement)[:, columns] + shift - np.array(list(obstacle.centre.values()))
             found = min(found, float(np.sqrt((apart**2).sum(axis=1)).min()) - obstacle.radius_m)
         return float(found)
+
+
+def _scaled(spread: Any, by: float) -> Any:
+    """Lessons or Partners whose lengths (names that end in _m) are `by` times as large."""
+    found = {name: getattr(spread, name) for name in spread.__dataclass_fields__ if name.endswith("_m")}
+    return replace(spread, **{n: tuple(by * x for x in v) if isinstance(v, tuple) else by * v for n, v in found.items()})
 
 
 def _reached(phase: Phase) -> list[tuple[float, ...]]:

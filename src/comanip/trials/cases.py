@@ -20,6 +20,7 @@ from ..parts import unknown
 from ..people.intent import Course
 from ..people.misbehaving import Blocks, LetsGo, Switches
 from ..people.partners import Arm, HumanFollower, HumanLeader, Unsteadiness, Yielding
+from ..plants.rigid import Turning
 from ..tasks import Drawn, Task, Way, draw_partner, named, retimed, way
 
 ROLES = ("leader", "follower", "auto")
@@ -165,6 +166,19 @@ class Case:
         whole = course.stop_s - course.start_s
         return retimed(course, [(start, duration, share * whole) for start, duration, share in knots])
 
+    def at_grip(self, course: Course, gone: Array | None = None) -> Course:
+        """How the partner's own hand goes when the robot's goes `course`: the same, but where the object turns.
+
+        gone   (d,) how far the robot's hand has gone before
+        """
+        turning = self.turning
+        return course if turning is None else turning.course(course, self.task.carried.length_m, gone)
+
+    @cached_property
+    def turning(self) -> Turning | None:
+        """How the object turns; None where it does not."""
+        return Turning(self.axes, self.task.levers_m, self.task.carried.along) if self.task.turns else None
+
     @property
     def legs(self) -> tuple[tuple[float, float, Any], ...]:
         """How a leading partner goes where that is minimum-jerk legs: (start [s], duration [s], how far [m]; (d,) in d axes)."""
@@ -214,7 +228,7 @@ def draw_case(role: str, rng: np.random.Generator, *, task: str | Path | Task = 
     check_generator(rng)
     if role not in ROLES:
         raise unknown("role", role, ROLES)
-    what = named(task)
+    what = named(task).in_arcs()
     leads = role == "follower" or (role == "auto" and bool(rng.uniform() < 0.5))
     mass = what.carried.mass_kg * rng.uniform(0.7, 1.3)
     stiffness = exp(rng.uniform(log(60.0), log(600.0)))
@@ -259,15 +273,18 @@ def partner_of(case: Case, rng: np.random.Generator) -> Partner:
     softer = replace(arm, stiffness_n_per_m=min(case.stiffness_n_per_m, _steady_stiffness(case.yielding_ns_per_m, case.delay_s)))
     about: dict[str, Any] = {"axes": case.axes, "carried": case.carried.tolist(), "rng": rng}
 
-    def leading(course: Course) -> Partner:
-        return HumanLeader(course, arm, **about)
+    def leading(course: Course, gone: Array | None = None) -> Partner:
+        return HumanLeader(case.at_grip(course, gone), arm, **about)
 
     def following(*_: Array) -> Partner:
         yielding = Yielding(damping_ns_per_m=case.yielding_ns_per_m, delay_s=case.delay_s)
         return HumanFollower(yielding, softer, moving=case.axes, **about)
 
     def insisting(start: Array, position: Array) -> Partner:
-        return leading(_what_is_left(case, position - start))
+        gone = position - start
+        if case.turning is not None:
+            gone = case.turning.ungripped(gone, case.task.carried.length_m)
+        return leading(_what_is_left(case, gone), gone)
 
     first = leading(case.course) if case.leads else following()
     if case.behaviour == "lets go":

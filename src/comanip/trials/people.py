@@ -138,7 +138,7 @@ def person_of(case: Case, rng: np.random.Generator, learned: Mapping[str, Learne
     """The partner of the case; `rng` is what makes it unsteady."""
     if kind_of(case.kind).robot:
         return _robot(case, rng, learned, dt)
-    course = case.course if case.leads else None
+    course = case.at_grip(case.course) if case.leads else None
     once = case.event_s if case.behaviour != "steady" else None
     return make(case.kind, role=case.partner, course=course, body=body_of(case), axes=case.axes, rng=rng, event_s=once)
 

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from ..interaction import TaringInteractionForce
+from ..interaction import TaringInteractionForce, TurningInteractionForce
 from ..interfaces import Array, Partner, Plant, Skill, Tap
 from ..learned.skill import LearnedSkill
 from ..loop import Clock, run, unbroken
 from ..parallel import each
 from ..parts import PLANTS, known
 from ..plants.beam import Beam, WristSensor
+from ..plants.rigid import TurningObject
 from ..recording import Recording
 from ..tasks import named, usual, way
 from .cases import TASK, Case, partner_of
@@ -64,8 +65,17 @@ def run_case(
     return run(world, skill, duration_s=case.run_s, estimator=estimator, clock=clock, taps=taps, metadata=about)
 
 
-def estimator_for(case: Case, dt: float) -> TaringInteractionForce:
+def estimator_for(case: Case, dt: float) -> TaringInteractionForce | TurningInteractionForce:
     """What a robot knows of the force: eq. (3) on line, for the task's object as stated."""
+    if case.turning is not None:
+        what = case.task.carried
+        held = TurningObject(what.mass_kg, what.length_m, what.width_m)
+        return TurningInteractionForce(
+            dt,
+            case.turning.load(held, what.share, case.task.gravity.tolist()),
+            cutoff_hz=min(40.0, 0.4 / dt),
+            force_delay_s=EXPECTED_DELAY_S,
+        )
     return TaringInteractionForce(
         dt,
         gravity=case.task.gravity.tolist(),
