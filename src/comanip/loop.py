@@ -77,6 +77,16 @@ def _collection_off() -> Iterator[None]:
 
 
 @contextmanager
+def _halted(plant: Plant) -> Iterator[None]:
+    """A real hand is not left with the last velocity, whatever ended the run."""
+    try:
+        yield
+    finally:
+        if hasattr(plant, "halt"):
+            plant.halt()
+
+
+@contextmanager
 def _watched(taps: Sequence[Tap], recorder: Recorder) -> Iterator[None]:
     """Taps that want the whole row, not only what the skill sees, have `begin(recorder)` and `end()`."""
     begun = []
@@ -106,12 +116,15 @@ def run(
     Channels: hand.position, hand.velocity, hand.sensor_force, hand.force (what the skill saw), command.* (what it asked for),
     the plant's own truths, and the skill's diagnostics under "skill.<name>". `metadata["stop_reason"]` says why it ended:
     the skill's or the plant's own reason, "duration", or "interrupted" (Ctrl-C keeps what was recorded).
+
+    clock   default: the wall clock for a plant that says it is `real`, else as fast as the machine goes. However the run ends, a
+            plant that has `halt()` is halted: a real one brakes what was commanded last
     """
     if not duration_s > 0:
         raise ParameterError(f"duration_s must be positive; got {duration_s}")
     d = len(plant.axes)
     obs, command = Observation(d), Command(d)
-    clock = clock or SimulatedClock()
+    clock = clock or (WallClock() if getattr(plant, "real", False) else SimulatedClock())
     plant.reset()
     plant.read(obs)
     if estimator is not None:
@@ -122,7 +135,7 @@ def run(
     observed = tuple(name for name in _OBSERVED if not np.isnan(getattr(obs, name)).all())  # what this plant measures
     recorder = Recorder(_layout(plant, skill, observed))
     reason, late = "duration", 0.0
-    with _watched(taps, recorder), _collection_off():
+    with _watched(taps, recorder), _halted(plant), _collection_off():
         clock.start(plant.dt)
         try:
             for _ in range(max(1, round(duration_s / plant.dt))):

@@ -79,6 +79,11 @@ class HandPlant:
         """What the arm has to say; empty when all is well."""
         return self.arm.notice
 
+    def rates(self) -> Mapping[str, tuple[float, float]]:
+        """Of each signal since the last call (samples a second, longest gap [s]), where the arm knows them."""
+        known = getattr(self.arm, "rates", None)
+        return known() if known is not None else {}
+
     def _wait(self) -> None:
         until = self._now() + self._first_s
         while missing := self.arm.missing():
