@@ -96,7 +96,13 @@ def latency(settings: Settings, seconds: float) -> dict[str, float]:
     echo.wait()
     here.close()
     sent, ms = round(seconds * RATE_HZ), 1e3 * np.array(took)
-    return {"sent": sent, "answered": len(ms), "median_ms": float(np.median(ms)), "p99_ms": float(np.percentile(ms, 99)), "most_ms": float(ms.max())}
+    return {
+        "sent": sent,
+        "answered": len(ms),
+        "median_ms": float(np.median(ms)),
+        "p99_ms": float(np.percentile(ms, 99)),
+        "most_ms": float(ms.max()),
+    }
 
 
 def echoes(settings: Settings) -> None:
@@ -221,11 +227,15 @@ def measure(folder: Path, seconds: float, count: int) -> tuple[dict[str, Any], l
         at_most("both ways over the wire, 99 %", found["latency"]["p99_ms"], 3.0, unit="ms", refuted_by="stalls"),
         at_most("share of ticks in HOLD at 500 Hz", found["loop"]["hold"], 0.0, refuted_by="a late tick"),
         at_least("ticks in HOLD after the node was killed", found["restart"]["hold"], 0.01, refuted_by="going on blind"),
-        at_most("speed commanded from 0.2 s after", found["restart"]["speed_after_m_per_s"], 0.0, unit="m/s", refuted_by="a jump"),
+        at_most(
+            "speed commanded from 0.2 s after", found["restart"]["speed_after_m_per_s"], 0.0, unit="m/s", refuted_by="a jump"
+        ),
         at_least("partners of the wire, within 2 cm", found["partners"]["within_2_cm"], count, refuted_by="one who is not"),
     ]
     claims += [
-        at_most(f"change of the command in a tick, {name}", found[name]["jump_m_per_s"], 10.0 * step, unit="m/s", refuted_by="a jump")
+        at_most(
+            f"change of the command in a tick, {name}", found[name]["jump_m_per_s"], 10.0 * step, unit="m/s", refuted_by="a jump"
+        )
         for name in ("loop", "loss", "restart")
     ]
     return found, claims

@@ -150,7 +150,9 @@ def _agreed(robot: Robot, shadow: bool, yes: bool) -> None:
     if not robot.real or shadow or yes:
         return
     if not sys.stdin.isatty():
-        raise ParameterError("a real robot moves only after Enter in a terminal; without one, pass --yes (and --limit 0.1 at first)")
+        raise ParameterError(
+            "a real robot moves only after Enter in a terminal; without one, pass --yes (and --limit 0.1 at first)"
+        )
     print("hold your end. Enter: the robot may move now; Ctrl-C: it does not. ", end="", file=sys.stderr, flush=True)
     if not sys.stdin.readline():
         raise ParameterError("nobody said yes: nothing moved")
@@ -164,7 +166,13 @@ def _kept(recording: Recording, out: Path, live: LiveFile) -> None:
 
 
 def _said(
-    recording: Recording, out: Path, about: Mapping[str, Any], case: Case | None, learned: LearnedSkill, guard: Guarded, json: bool
+    recording: Recording,
+    out: Path,
+    about: Mapping[str, Any],
+    case: Case | None,
+    learned: LearnedSkill,
+    guard: Guarded,
+    json: bool,
 ) -> None:
     result: dict[str, Any] = {
         "skill": ", ".join(about["skill"]),
@@ -210,9 +218,11 @@ def _lines(result: Mapping[str, Any]) -> list[str]:
     return [
         f"{result['skill']} as {result['role']}, law {result['law']}, on {result['robot']}",
         f"ended by: {result['stop_reason']}",
-        f"  RUN {result['run_s']:.1f} s, COMPLY {result['comply_s']:.1f} s, HOLD {result['hold_s']:.1f} s, re-armed {result['rearmed']} times",
+        f"  RUN {result['run_s']:.1f} s, COMPLY {result['comply_s']:.1f} s, HOLD {result['hold_s']:.1f} s, "
+        f"re-armed {result['rearmed']} times",
         f"  moved {1e3 * result['moved_m']:.0f} mm, felt at most {result['peak_felt_n']:.1f} N",
-        f"  ticks late by {1e3 * late['median']:.2f} ms (median), {1e3 * late['p99']:.2f} ms (99 %), {1e3 * late['most']:.1f} ms at most",
+        f"  ticks late by {1e3 * late['median']:.2f} ms (median), {1e3 * late['p99']:.2f} ms (99 %), "
+        f"{1e3 * late['most']:.1f} ms at most",
         *([f"said at the end: {result['notice']}"] if "notice" in result else []),
         f"recording: {result['recording']}",
     ]
@@ -237,7 +247,9 @@ def fake(
         wire = Lossy(wire, loss, 1e-3 * jitter_ms, np.random.default_rng(seed))
     node = FakeRobot(wire, found, plant_of("beam", draw(0), 1.0 / node_hz, at_rest=True), living(draw, 1.0 / node_hz))
     says = ", ".join(topic.name for topic in found.topics.values())
-    note(f"fake robot: says {says} at {node_hz:g} Hz, hears {found.command.topic.name if found.command.topic else ''}; Ctrl-C ends")
+    note(
+        f"fake robot: says {says} at {node_hz:g} Hz, hears {found.command.topic.name if found.command.topic else ''}; Ctrl-C ends"
+    )
     clock, until = WallClock(), time.monotonic() + (duration_s or float("inf"))
     clock.start(1.0 / node_hz)
     with suppress(KeyboardInterrupt), closing(wire):

@@ -1,7 +1,7 @@
 """The live view of a run: a process of its own that draws what the loop hands it, ten times a second.
 
-Drawing a table holds the interpreter for milliseconds, and the loop has ten. Where standard error is no terminal, or the view is gone,
-what changes is told in lines instead.
+Drawing a table holds the interpreter for milliseconds, and the loop has ten. Where standard error is no terminal, or the view
+is gone, what changes is told in lines instead.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ class View:
         }
 
     def _drawn(self, shown: dict[str, Any]) -> bool:
-        assert self._child is not None and self._child.stdin is not None
+        assert self._child is not None
+        assert self._child.stdin is not None
         try:
             os.write(self._child.stdin.fileno(), json.dumps(shown).encode() + b"\n")
         except BlockingIOError:  # the terminal is slow: the next one

@@ -1,7 +1,7 @@
 """ROS 2 by DDS (Eclipse Cyclone), for machines that keep ROS 2's default middleware: topics under "rt/", types under "dds_".
 
-The bytes are those of the other transports: Cyclone wants classes, which are made of the same definitions. Tried between processes of
-our own; NOT tried against a node of ROS 2.
+The bytes are those of the other transports: Cyclone wants classes, which are made of the same definitions. Tried between
+processes of our own; NOT tried against a node of ROS 2.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ def _typed(of: str, length: int | None) -> Any:
     one = _CODES.get(of) or _class(of)
     if length is None:
         return one
-    return types.sequence[one] if length == -1 else types.array[one, length]
+    made: Any = types
+    return made.sequence[one] if length == -1 else made.array[one, length]
 
 
 class DdsWire:
@@ -72,7 +73,7 @@ class DdsWire:
         return DdsTopic(self._participant, f"rt/{topic.name.strip('/')}", _class(topic.type), qos=_QOS)
 
     def subscribe(self, topic: Topic, hears: Hears) -> None:
-        class Heard(Listener):  # type: ignore[misc]
+        class Heard(Listener):
             def on_data_available(self, reader: Any) -> None:
                 for sample in reader.take(8):
                     if getattr(sample, "sample_info", None) is None or sample.sample_info.valid_data:

@@ -53,7 +53,13 @@ def _same_axes(robot: Robot, skills: Sequence[LearnedSkill]) -> None:
 
 
 def fly(
-    robot: Robot, guard: Guarded, learned: Mapping[str, LearnedSkill], *, seconds: float, realtime: bool = False, commands: bool = True
+    robot: Robot,
+    guard: Guarded,
+    learned: Mapping[str, LearnedSkill],
+    *,
+    seconds: float,
+    realtime: bool = False,
+    commands: bool = True,
 ) -> tuple[list[Check], Payload, float]:
     """The pre-flight: every check, what the object weighs, and how often the force comes [Hz]."""
     found = preflight.measured(robot.at_rest, seconds, robot.clock(realtime))

@@ -21,7 +21,12 @@ from .settings import Settings, Topic
 from .turns import Quaternion, Vector, back, turned
 from .wire import Hears, Wire
 
-HELD: Quaternion = (cos(pi / 5), 0.6 * sin(pi / 5), 0.0, 0.8 * sin(pi / 5))  # how the hand is turned: its sensor's z is not the base's
+HELD: Quaternion = (
+    cos(pi / 5),
+    0.6 * sin(pi / 5),
+    0.0,
+    0.8 * sin(pi / 5),
+)  # how the hand is turned: its sensor's z is not the base's
 VALID_S = 0.06  # a command is good for so long; then the node brakes by itself, as an arm's low level does
 FOLLOW_S = 0.04  # within which a pose that is commanded is reached
 HAND_KG = 4.0  # that a commanded wrench moves

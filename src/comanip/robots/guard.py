@@ -1,4 +1,5 @@
-"""Around a skill on a robot: re-arming by the user, braking when asked to end, a slow start, and a shadow that commands nothing."""
+"""Around a skill on a robot: re-arming by the user, braking when asked to end, a slow start, and a shadow that commands
+nothing."""
 
 from __future__ import annotations
 
@@ -113,8 +114,8 @@ def limits_of(
         least, most = settings.walls_m.get(name, (-WALL_M, WALL_M))
         if not max(low, least) < min(high, most):
             raise ParameterError(
-                f"{settings.source}: limits.walls.{name} is {least:g} to {most:g} m, and the lessons went {low:.3g} to {high:.3g} m: "
-                "this arm cannot do what was taught"
+                f"{settings.source}: limits.walls.{name} is {least:g} to {most:g} m, and the lessons went {low:.3g} to "
+                f"{high:.3g} m: this arm cannot do what was taught"
             )
         walls.append((max(low, least), min(high, most)))
     return replace(

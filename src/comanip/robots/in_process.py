@@ -1,7 +1,8 @@
 """Arms in this process: franky (Cartesian velocities) and panda-py (Cartesian impedance), which drive a Franka without ROS.
 
-The functions used are those of franky-control 2.0 and panda-python 1.1 as their type stubs state them; tried against fakes of exactly
-these, NOT on an arm. Both packages are Linux on x86-64, and one is made for one system version of the arm: install it yourself.
+The functions used are those of franky-control 2.0 and panda-python 1.1 as their type stubs state them; tried against fakes of
+exactly these, NOT on an arm. Both packages are Linux on x86-64, and one is made for one system version of the arm: install it
+yourself.
 """
 
 from __future__ import annotations

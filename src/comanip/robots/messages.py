@@ -1,7 +1,7 @@
 """ROS 2 messages of a running robot: bytes of one topic to numbers and back, a few microseconds each.
 
-Reading is the files' own decoder (`formats.ros2`), so whatever a bag may hold can be heard; writing is its counterpart. The hashes
-are those of Iron and later (REP 2011), which stand in zenoh's keys; Humble has none.
+Reading is the files' own decoder (`formats.ros2`), so whatever a bag may hold can be heard; writing is its counterpart. The
+hashes are those of Iron and later (REP 2011), which stand in zenoh's keys; Humble has none.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""A skill over the wire of a fake robot, in one thread and one time: bytes travel as on a network, and runs repeat to the last bit."""
+"""A skill over the wire of a fake robot, in one thread and one time: bytes travel as on a network, and runs repeat to the last
+bit."""
 
 from __future__ import annotations
 
@@ -29,9 +30,7 @@ def behind_wire(settings: Settings, resting: Plant, living: Callable[[int], Plan
 def robot_of(settings: Settings, case: Case, *, node_s: float = 0.002) -> Robot:
     """As `robot.simulated`, with the wire between: the person of this case comes with the first command."""
     settings = replace(settings, share=case.task.carried.share)
-    plant = behind_wire(
-        settings, plant_of("beam", case, node_s, at_rest=True), lambda number: plant_of("beam", case, node_s)
-    )
+    plant = behind_wire(settings, plant_of("beam", case, node_s, at_rest=True), lambda number: plant_of("beam", case, node_s))
     return Robot(settings, plant, plant, case.task.gravity, settings.force_delay_s)
 
 
@@ -63,5 +62,3 @@ def maker(settings: Settings) -> Callable[..., Plant]:
         return behind_wire(replace(settings, rate_hz=1.0 / dt), resting, lambda number: BeamPlant(partner, **about))
 
     return make
-
-

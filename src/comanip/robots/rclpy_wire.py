@@ -1,7 +1,7 @@
 """ROS 2 by rclpy, where a workspace is sourced: one process with the rest of ROS, whatever its middleware.
 
-rclpy comes with ROS and not from PyPI; comanip needs Python 3.11, so Jazzy (3.12) or later. Messages pass as bytes, as on the other
-transports. NOT tried: no ROS was there; the functions used are faked in the tests.
+rclpy comes with ROS and not from PyPI; comanip needs Python 3.11, so Jazzy (3.12) or later. Messages pass as bytes, as on the
+other transports. NOT tried: no ROS was there; the functions used are faked in the tests.
 """
 
 from __future__ import annotations

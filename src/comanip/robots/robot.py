@@ -1,4 +1,5 @@
-"""From a name or a robot.toml to something that can be driven: the plant, the same plant at rest for the pre-flight, and how to let go."""
+"""From a name or a robot.toml to something that can be driven: the plant, the same plant at rest for the pre-flight, and how to
+let go."""
 
 from __future__ import annotations
 

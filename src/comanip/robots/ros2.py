@@ -1,13 +1,14 @@
 """An arm behind ROS 2 topics: pose, twist, wrench and joint states in; twist, pose or wrench out.
 
-A wrench in the sensor's frame is turned by the pose, or by a stated turn; one in a frame that nobody stated is refused. Tried against
-the fake robot of this room; NOT tried on an arm.
+A wrench in the sensor's frame is turned by the pose, or by a stated turn; one in a frame that nobody stated is refused. Tried
+against the fake robot of this room; NOT tried on an arm.
 """
 
 from __future__ import annotations
 
 import time as _time
 from collections.abc import Callable
+from itertools import pairwise
 from math import inf, isfinite
 
 from ..errors import RecordingError
@@ -25,7 +26,8 @@ class _Signal:
     """The latest of one topic. Written by the transport's thread as one tuple, so that a reader never sees half of it."""
 
     def __init__(self, topic: Topic, now: Callable[[], float]) -> None:
-        self.topic, self.latest = topic, None  # type: tuple[float, str, tuple[float, ...]] | None
+        self.topic = topic
+        self.latest: tuple[float, str, tuple[float, ...]] | None = None
         self.problem = ""
         self.stamps: list[float] = []
         self._reader, self._arrivals, self._now = Reader(topic.type), Arrivals(), now
@@ -192,7 +194,7 @@ class Ros2Arm:
         for name, signal in self.signals.items():
             stamps, signal.stamps = signal.stamps, []
             if len(stamps) > 1 and stamps[-1] > stamps[0]:
-                gaps = [b - a for a, b in zip(stamps[:-1], stamps[1:], strict=True)]
+                gaps = [b - a for a, b in pairwise(stamps)]
                 found[name] = ((len(stamps) - 1) / (stamps[-1] - stamps[0]), max(gaps))
             else:
                 found[name] = (0.0, inf)

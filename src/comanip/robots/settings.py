@@ -1,7 +1,7 @@
 """robot.toml: what a robot is, in numbers. Every error is one line with file and key.
 
-A file may begin from a preset (`preset = "crisp"`) and state only what differs. What nobody states and nobody can guess (the walls
-of this arm, its speed, how its sensor's frame lies) has no default: a robot without it is refused.
+A file may begin from a preset (`preset = "crisp"`) and state only what differs. What nobody states and nobody can guess (the
+walls of this arm, its speed, how its sensor's frame lies) has no default: a robot without it is refused.
 """
 
 from __future__ import annotations
@@ -252,7 +252,9 @@ def _command_frame(found: Settings) -> None:
     if frame and frame != found.pose_frame and frame not in found.turns:
         raise ParameterError(f"{found.source}: command.frame is {frame!r}; allowed: frames.pose, or a frame of [frames.turns]")
     if found.late_s is not None and found.late_s < 2.0 * found.dt:
-        raise ParameterError(f"{found.source}: rates.late_s is {found.late_s}; allowed: at least two periods, {2.0 * found.dt:g} s")
+        raise ParameterError(
+            f"{found.source}: rates.late_s is {found.late_s}; allowed: at least two periods, {2.0 * found.dt:g} s"
+        )
 
 
 def _axes(table: _Table, simulated: bool) -> dict[str, Vector]:

@@ -1,8 +1,8 @@
 """The stamps of another machine on this one's clock.
 
-No clock is synchronised: what is known of a message is when it was stamped there and when it came here. The least difference of the
-two that was seen lately is how far the clocks are apart (and the fastest way of a message, which nobody can tell from it); what a
-message took longer than that is its age.
+No clock is synchronised: what is known of a message is when it was stamped there and when it came here. The least difference of
+the two that was seen lately is how far the clocks are apart (and the fastest way of a message, which nobody can tell from it);
+what a message took longer than that is its age.
 """
 
 from __future__ import annotations

@@ -35,7 +35,12 @@ def after(p: Sequence[float], q: Sequence[float]) -> Quaternion:
     """First `q`, then `p`."""
     a, b, c, d = p
     w, x, y, z = q
-    return (a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y, a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w)
+    return (
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    )
 
 
 def is_turn(q: Sequence[float]) -> bool:
@@ -60,7 +65,7 @@ def parsed(text: object) -> Turn:
     words = text.replace(",", " ").split() if isinstance(text, str) else list(text) if isinstance(text, list | tuple) else [None]
     with_hand = bool(words) and words[0] == HAND
     numbers = words[1:] if with_hand else words
-    if numbers == ["same"] and not with_hand or with_hand and not numbers:
+    if (numbers == ["same"] and not with_hand) or (with_hand and not numbers):
         return Turn(with_hand)
     try:
         q = tuple(float(n) for n in numbers)  # type: ignore[arg-type]

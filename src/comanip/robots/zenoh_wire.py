@@ -1,4 +1,5 @@
-"""ROS 2 by zenoh, as rmw_zenoh speaks it: no ROS is installed here, and the robot's machine runs RMW_IMPLEMENTATION=rmw_zenoh_cpp.
+"""ROS 2 by zenoh, as rmw_zenoh speaks it: no ROS is installed here, and the robot's machine runs
+RMW_IMPLEMENTATION=rmw_zenoh_cpp.
 
     key         <domain>/<topic>/<pkg>::msg::dds_::<Type>_/<RIHS01 hash>
     attachment  sequence number (int64), source timestamp (int64, ns), the publisher's id (16 bytes and their count)
