@@ -18,6 +18,7 @@ from .settings import Settings
 from .turns import NONE, Quaternion, Vector
 
 FIRST_S = 5.0  # for the first samples to come
+ABSURD_M = 1e6  # no hand is there: NaN and infinite are not less, either
 FRESH_S = 0.1  # a pose older than this says nothing of where the hand is: the target waits
 SMOOTH_S = 0.01  # of a velocity that is differentiated from poses
 STOPS = 3  # times that rest is commanded at the end: one message may be lost
@@ -58,6 +59,7 @@ class HandPlant:
         self._measured = self._speed
         self._sent: Vector = (0.0, 0.0, 0.0)
         self._target: Vector | None = None
+        self._lost = True
         self._held: Quaternion = NONE
 
     @property
@@ -140,11 +142,11 @@ class HandPlant:
         s, leash = self._sensed, self.settings.command.leash_m
         if not all(map(isfinite, velocity)):
             velocity = (0.0, 0.0, 0.0)
-        fresh = self._now() - s.time < FRESH_S and all(map(isfinite, s.position))
+        fresh = self._now() - s.time < FRESH_S and all(abs(x) < ABSURD_M for x in s.position)
         if not fresh:
-            velocity = (0.0, 0.0, 0.0)
-        if self._target is None and fresh:
-            self._target, self._held = s.position, s.orientation
+            velocity, self._lost = (0.0, 0.0, 0.0), True
+        elif self._lost:  # the first time, or it was away: from where it is, not from where it was
+            self._target, self._held, self._lost = s.position, s.orientation, False
         if self._target is not None:
             ahead = [t + v * self.dt for t, v in zip(self._target, velocity, strict=True)]
             if fresh:
