@@ -60,7 +60,7 @@ def about(axes=None, **more):
         "topics": {"pose": "/pose", "wrench": "/wrench"},
         "command": {"topic": "/twist"},
         "frames": {"pose": "base", "turns": {"ft": "hand"}},
-        "limits": {"speed_m_per_s": 0.5, "walls": dict.fromkeys(axes, [-2.0, 2.0])},
+        "limits": {"speed_m_per_s": 0.5, "walls": {key: [-2.0, 2.0] for key in axes}},
     }
     return replace(settings(content, "robot.toml"), **more)
 

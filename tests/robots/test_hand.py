@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 
 import numpy as np
@@ -34,9 +35,12 @@ def commanded(plant, *velocity):
     plant.write(command)
 
 
-@pytest.mark.parametrize("axes", [{"z": [0, 0, 1]}, {"down": [0, 0, -1]}, {"a": [1, 1, 0], "b": [-1, 1, 0]}, {"q": [0.6, 0, 0.8]}])
+AXES = [{"z": [0, 0, 1]}, {"down": [0, 0, -1]}, {"a": [1, 1, 0], "b": [-1, 1, 0]}, {"q": [0.6, 0, 0.8]}]
+
+
+@pytest.mark.parametrize("axes", AXES)
 def test_task_axes_are_directions_and_a_velocity_along_them_comes_out_along_them(axes):
-    plant, arm, clock = hand(axes=axes)
+    plant, arm, _clock = hand(axes=axes)
     unit = {n: np.array(v) / np.linalg.norm(v) for n, v in axes.items()}
     obs = observed(plant)
     for i, direction in enumerate(unit.values()):
@@ -87,7 +91,7 @@ def test_an_arm_that_was_away_is_held_where_it_is_and_not_pulled_to_where_it_was
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf, 1e308])
 def test_an_absurd_pose_commands_rest(number):
-    plant, arm, clock = hand()
+    plant, arm, _clock = hand()
     observed(plant)
     commanded(plant, 0.2)
     arm.position = (0.1, 0.2, number)
@@ -126,10 +130,8 @@ def test_however_a_run_ends_the_hand_is_braked_to_rest(error):
     def ends():
         raise error
 
-    try:
+    with contextlib.suppress(Broken):
         run(plant, Pushes(ends), duration_s=10.0, clock=Ticks(clock))
-    except Broken:
-        pass
     speeds = np.linalg.norm([velocity for velocity, _, _ in arm.sent], axis=1)
     assert speeds[40] == pytest.approx(0.3)
     assert speeds[-3:].max() == 0.0
@@ -154,7 +156,7 @@ def test_a_real_plant_runs_on_the_wall_clock_unless_it_is_told_otherwise(monkeyp
     monkeypatch.setattr("comanip.loop.WallClock", lambda: used.append("wall") or Ticks(Clock()))
     monkeypatch.setattr("comanip.loop.SimulatedClock", lambda: used.append("simulated") or Ticks(Clock()))
     for is_real in (True, False):
-        plant, arm, clock = hand()
+        plant, _arm, _clock = hand()
         plant.real = is_real
         run(plant, Pushes(lambda: None), duration_s=0.05)
     assert used == ["wall", "simulated"]
@@ -219,7 +221,7 @@ def test_a_wrench_in_a_frame_that_nobody_stated_is_refused_before_and_during_a_r
     node = Node(about(), clock)
     node.pose()
     node.wrench((1.0, 2.0, 3.0), "tool0")
-    with pytest.raises(ParameterError, match=r"robot.toml: wrench is in frame 'tool0'; state its turn in \[frames.turns\] \(there: ft"):
+    with pytest.raises(ParameterError, match=r"robot.toml: wrench is in frame 'tool0'; state its turn in .*there: ft"):
         HandPlant(node.arm, about(), now=clock, sleep=clock.sleep)
     node.wrench((1.0, 2.0, 3.0))
     plant = HandPlant(node.arm, about(), now=clock, sleep=clock.sleep)

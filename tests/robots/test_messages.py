@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 
 import numpy as np
@@ -72,10 +73,8 @@ def test_an_empty_message_of_each_common_type_is_one_of_ros(store, kind):
 def test_no_bytes_do_more_than_be_refused(data):
     for kind in ("geometry_msgs/PoseStamped", "sensor_msgs/JointState"):
         reader = Reader(kind)
-        try:
+        with contextlib.suppress(RecordingError):
             reader.arrays(data) if kind.startswith("sensor") else reader.read(data)
-        except RecordingError:
-            pass
 
 
 quaternions = st.tuples(*[st.floats(-1, 1) for _ in range(4)]).filter(lambda q: math.hypot(*q) > 0.1)
@@ -93,9 +92,12 @@ def test_a_quarter_turn_about_z_takes_x_to_y():
     assert turns.turned((math.cos(math.pi / 4), 0, 0, math.sin(math.pi / 4)), (1, 0, 0)) == pytest.approx((0, 1, 0))
 
 
-@pytest.mark.parametrize("text", ["hnad", [1, 0, 0], [2, 0, 0, 0], "hand 1 0 0", None, [math.nan, 0, 0, 1], "same same", [], True])
+WRONG = ["hnad", [1, 0, 0], [2, 0, 0, 0], "hand 1 0 0", None, [math.nan, 0, 0, 1], "same same", [], True]
+
+
+@pytest.mark.parametrize("text", WRONG)
 def test_what_is_no_turn_is_refused_with_what_is_allowed(text):
-    with pytest.raises(ParameterError, match="allowed: .*hand"):
+    with pytest.raises(ParameterError, match=r"allowed: .*hand"):
         turns.parsed(text)
 
 
