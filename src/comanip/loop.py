@@ -125,17 +125,13 @@ def run(
     d = len(plant.axes)
     obs, command = Observation(d), Command(d)
     clock = clock or (WallClock() if getattr(plant, "real", False) else SimulatedClock())
-    plant.reset()
-    plant.read(obs)
-    if estimator is not None:
-        estimator.reset()
-        estimator.step(obs)
-    command.position[:] = obs.position
-    skill.reset(obs)
+    _begin(plant, skill, estimator, obs, command)
     observed = tuple(name for name in _OBSERVED if not np.isnan(getattr(obs, name)).all())  # what this plant measures
     recorder = Recorder(_layout(plant, skill, observed))
     reason, late = "duration", 0.0
     with _watched(taps, recorder), _halted(plant), _collection_off():
+        if getattr(plant, "real", False):  # making files took time, and what was read before is old by now: a late tick
+            _begin(plant, skill, estimator, obs, command)
         clock.start(plant.dt)
         try:
             for _ in range(max(1, round(duration_s / plant.dt))):
@@ -158,6 +154,17 @@ def run(
             reason = "interrupted"
     notice = {"notice": skill.notice} if skill.notice else {}
     return recorder.recording({**(metadata or {}), **notice, "stop_reason": reason, "dt_s": plant.dt})
+
+
+def _begin(plant: Plant, skill: Skill, estimator: ForceEstimator | None, obs: Observation, command: Command) -> None:
+    """All that has a memory forgets it, and looks for the first time."""
+    plant.reset()
+    plant.read(obs)
+    if estimator is not None:
+        estimator.reset()
+        estimator.step(obs)
+    command.position[:] = obs.position
+    skill.reset(obs)
 
 
 def unbroken(recording: Recording) -> Recording:

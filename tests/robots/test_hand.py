@@ -300,3 +300,33 @@ def test_joints_are_recorded_by_name():
     observed(plant)
     assert plant.columns["robot.joints"] == ("a", "b")
     assert plant.channels["robot.joints"][0].tolist() == [0.5, -0.5]
+
+
+class Slow:
+    """A tap that takes its time to begin, as one that makes a file does."""
+
+    def __init__(self, clock):
+        self._clock = clock
+
+    def begin(self, recorder):
+        self._clock.now += 0.4
+
+    def __call__(self, obs, command):
+        pass
+
+    def end(self):
+        pass
+
+
+def test_a_real_run_looks_anew_after_its_files_were_made():
+    """Else the first tick is late by what that took, and a real hand begins in HOLD."""
+    plant, _, clock = hand()
+    times = []
+    run(
+        plant,
+        Pushes(lambda: None),
+        duration_s=0.1,
+        clock=Ticks(clock),
+        taps=[Slow(clock), lambda obs, command: times.append(obs.time)],
+    )
+    assert np.diff(times).max() < 1.5 * plant.dt
