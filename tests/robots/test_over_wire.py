@@ -292,6 +292,12 @@ def test_what_failed_first_is_the_error_and_the_others_are_counted():
         preflight.require(lines, "robot.toml")
 
 
+def test_an_envelope_that_leaves_no_speed_is_found(rested, skills):
+    """3 J at 60 N are 5 cm; periods of 0.2 s at 10 m/s^2 cannot be braked in them, and the hand would stand for ever."""
+    assert failed(rested, skills, replace(FAKE, late_s=0.2))[0] == ["envelope"]
+    assert failed(rested, skills, replace(FAKE, late_s=0.1))[0] == []
+
+
 def test_walls_that_leave_nothing_of_the_lessons_are_refused(skills):
     settings = replace(FAKE, walls_m={"z": (2.0, 3.0)})
     with pytest.raises(ParameterError, match=r"limits.walls.z is 2 to 3 m, and the lessons went"):

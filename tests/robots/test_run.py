@@ -105,7 +105,7 @@ def test_a_robot_behind_zenoh_is_carried_with_in_real_time(folder):
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         port = one.getsockname()[1]
-    (folder / "fake.toml").write_text(f'preset = "fake"\nwire.connect = ["tcp/127.0.0.1:{port}"]\nrates.late_s = 0.2\n')
+    (folder / "fake.toml").write_text(f'preset = "fake"\nwire.connect = ["tcp/127.0.0.1:{port}"]\nrates.late_s = 0.1\n')
     words = ["fake-robot", "--robot", "fake.toml", "--role", "leader", "--node-hz", "250"]
     node = subprocess.Popen([sys.executable, "-m", "comanip", *words], cwd=folder, stderr=subprocess.PIPE, text=True)
     try:

@@ -28,6 +28,7 @@ LATE_SHARE = 0.01  # of the ticks may be late by a period
 PULLED_N = 3.0  # across gravity: more is a sensor that was not tared, or somebody who pulls
 OTHER_N = 4.0  # between the weight that is stated and the one that is felt
 DRIFT_N = 1.0  # between the first and the second half
+SLOWEST_M_PER_S = 0.05  # a hand that may not even do this does nothing
 LEAST_TICKS = 20
 
 
@@ -203,8 +204,17 @@ def _place(found: Measured, axes: Sequence[str], limits: Limits, learned: Sequen
         lines.append(Check("walls", True, f"{room}; the hand is at {', '.join(f'{x:.3f}' for x in at)} m"))
     tops = f"{limits.v_max_m_per_s:.3g} m/s, {limits.force_limit_n:g} N, {limits.energy_j:.3g} J"
     tops += f", brakes at {limits.a_max_m_per_s2:g} m/s^2"
-    lines.append(Check("envelope", True, f"on: {tops}"))
-    return lines
+    return [*lines, _envelope(limits, tops)]
+
+
+def _envelope(limits: Limits, tops: str) -> Check:
+    """It is on, and leaves a speed: what can be braked within its energy, were a period as long as it may be."""
+    late, brake = limits.late_s or 0.0, limits.a_max_m_per_s2
+    speed = (2.0 * brake * limits.energy_j / limits.force_limit_n) ** 0.5 - 0.5 * brake * late
+    if speed < SLOWEST_M_PER_S:
+        said = f"on, and allows {max(speed, 0.0):.2g} m/s: periods of {1e3 * late:g} ms cannot be braked; lower rates.late_s"
+        return Check("envelope", False, said)
+    return Check("envelope", True, f"on: {tops}")
 
 
 def estimator(
