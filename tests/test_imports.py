@@ -58,6 +58,20 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
         "skills",
         "tasks",
     },
+    "robots": {
+        *BASE,
+        "formats",
+        "interaction",
+        "learned",
+        "loop",
+        "people",
+        "plants",
+        "reproduction",
+        "safety",
+        "skills",
+        "tasks",
+        "trials",
+    },
     "web": {*BASE, "trials", "evaluation"},
 }
 LEAVES = {"commands", "experiments", "__init__"}  # may import anything, and nothing imports them
@@ -72,6 +86,9 @@ ONLY_IN = {  # outside library -> files that may import it
     "distributed": ("parallel.py",),
     "joblib": ("parallel.py",),
     "rich": ("commands/",),
+    "zenoh": ("robots/zenoh_wire.py",),
+    "cyclonedds": ("robots/dds_wire.py",),
+    "rclpy": ("robots/rclpy_wire.py",),
 }
 
 

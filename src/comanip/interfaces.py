@@ -105,6 +105,8 @@ class Plant(Protocol):
     axes     names of the d task axes, for example ("z",)
     channels extra truths worth recording (tilt, partner's force ...), rewritten by `read`: name -> (array, unit)
     columns  optional: name -> names of a channel's columns, for channels that are not one column a task axis (joints)
+    real     optional: True where time passes by itself and something may be hit; the loop then runs on the wall clock
+    halt     optional: a method that brakes what was commanded last; the loop calls it however a run ends
     """
 
     dt: float

@@ -82,6 +82,16 @@ def _collection_off() -> Iterator[None]:
 
 
 @contextmanager
+def _halted(plant: Plant) -> Iterator[None]:
+    """A real hand is not left with the last velocity, whatever ended the run."""
+    try:
+        yield
+    finally:
+        if hasattr(plant, "halt"):
+            plant.halt()
+
+
+@contextmanager
 def _watched(taps: Sequence[Tap], recorder: Recorder) -> Iterator[None]:
     """Taps that want the whole row, not only what the skill sees, have `begin(recorder)` and `end()`."""
     begun = []
@@ -112,22 +122,21 @@ def run(
     the plant's own truths, and the skill's diagnostics under "skill.<name>". `metadata["stop_reason"]` says why it ended:
     the skill's or the plant's own reason, "duration", or "interrupted" (Ctrl-C keeps what was recorded).
     Raises MismatchError before anything moves where period, axes or units of skill, plant and estimator differ.
+
+    clock   default: the wall clock for a plant that says it is `real`, else as fast as the machine goes. However the run ends, a
+            plant that has `halt()` is halted: a real one brakes what was commanded last
     """
     _check_fits(plant, skill, estimator, duration_s)
     d = len(plant.axes)
     obs, command = Observation(d), Command(d)
-    clock = clock or SimulatedClock()
-    plant.reset()
-    plant.read(obs)
-    if estimator is not None:
-        estimator.reset()
-        estimator.step(obs)
-    command.position[:] = obs.position
-    skill.reset(obs)
+    clock = clock or (WallClock() if getattr(plant, "real", False) else SimulatedClock())
+    _begin(plant, skill, estimator, obs, command)
     observed = tuple(name for name in _OBSERVED if not np.isnan(getattr(obs, name)).all())  # what this plant measures
     recorder = Recorder(_layout(plant, skill, observed))
     reason, late = "duration", 0.0
-    with _watched(taps, recorder), _collection_off():
+    with _watched(taps, recorder), _halted(plant), _collection_off():
+        if getattr(plant, "real", False):  # making files took time, and what was read before is old by now: a late tick
+            _begin(plant, skill, estimator, obs, command)
         clock.start(plant.dt)
         try:
             for _ in range(max(1, round(duration_s / plant.dt))):
@@ -217,6 +226,17 @@ def _check_number(estimator: Any, plant: Plant) -> None:
             f"the estimator {type(estimator).__name__} is made for {n} axes, the plant {type(plant).__name__} has "
             f"{len(plant.axes)}: {', '.join(plant.axes)}; give it gravity with one entry an axis"
         )
+
+
+def _begin(plant: Plant, skill: Skill, estimator: ForceEstimator | None, obs: Observation, command: Command) -> None:
+    """All that has a memory forgets it, and looks for the first time."""
+    plant.reset()
+    plant.read(obs)
+    if estimator is not None:
+        estimator.reset()
+        estimator.step(obs)
+    command.position[:] = obs.position
+    skill.reset(obs)
 
 
 def unbroken(recording: Recording) -> Recording:

@@ -222,6 +222,59 @@ def reproduce(
 
 
 @app.command
+def run(
+    skill: Annotated[list[Path], Parameter(consume_multiple=True)],
+    /,
+    *,
+    robot: Annotated[str, Parameter(help="beam or humanoid (simulated), a preset (fake, crisp, ...), or your robot.toml.")],
+    role: Annotated[
+        Literal["leader", "follower", "auto"] | None,
+        Parameter(help="auto: the robot is told nothing; give skills of both roles."),
+    ] = None,
+    law: Law | None = None,
+    task: Annotated[str | None, Parameter(help="What a simulated robot's partner does; default lift.")] = None,
+    seed: Annotated[int, Parameter(help="Which partner a simulated robot has.")] = 7,
+    shadow: Annotated[bool, Parameter(negative="", help="Compute and record, command nothing.")] = False,
+    limit: Annotated[float, Parameter(help="Share of the speed that is allowed, above 0 to 1: 0.1 for a slow start.")] = 1.0,
+    preflight_s: Annotated[float, Parameter(help="How long the resting arm is measured before anything moves.")] = 10.0,
+    duration_s: Annotated[float | None, Parameter(help="Default: what the partner needs; 60 on an arm.")] = None,
+    goal: Annotated[int | None, Parameter(help="Its number, where the lessons had several.")] = None,
+    realtime: Annotated[bool, Parameter(negative="", help="Run a simulated robot on the wall clock, too.")] = False,
+    yes: Annotated[bool, Parameter(negative="", help="Move a real arm without asking in the terminal.")] = False,
+    out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="The take; default ROBOT-ROLE-N.mcap.")] = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Run a skill on a robot, after a pre-flight that must pass: comanip run skill.json --robot robot.toml --role follower
+
+    Space or r goes on after a HOLD, Ctrl-C brakes and keeps the take. No arm was ever tried by us: read docs/robot.md first.
+    """
+    from . import robots as command
+
+    command.run(
+        skill, robot, role, law, task, seed, shadow, limit, preflight_s, duration_s, goal, realtime, yes, out, overwrite, json
+    )
+
+
+@app.command
+def fake_robot(
+    *,
+    robot: Annotated[str, Parameter(help="The preset or robot.toml whose wire it speaks.")] = "fake",
+    role: Annotated[Literal["leader", "follower", "auto"], Parameter(help="What the robot will be told.")] = "follower",
+    task: Annotated[str, Parameter(help="What the person behind it does.")] = "lift",
+    seed: int = 7,
+    node_hz: Annotated[float, Parameter(help="How often it says and does something.")] = 500.0,
+    duration_s: Annotated[float | None, Parameter(help="Default: until Ctrl-C.")] = None,
+    loss: Annotated[float, Parameter(help="Share of its messages that never come.")] = 0.0,
+    jitter_ms: Annotated[float, Parameter(help="By how much they are late at most.")] = 0.0,
+) -> None:
+    """Be a robot behind ROS 2's wire: the exact beam with a person, to try `comanip run --robot fake` without an arm."""
+    from . import robots as command
+
+    command.fake(robot, role, task, seed, node_hz, duration_s, loss, jitter_ms)
+
+
+@app.command
 def trial(
     *,
     role: Annotated[
