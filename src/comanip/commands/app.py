@@ -231,7 +231,7 @@ def run(
         Literal["leader", "follower", "auto"] | None,
         Parameter(help="auto: the robot is told nothing; give skills of both roles."),
     ] = None,
-    law: Law | None = None,
+    law: LearnedLaw | None = None,
     task: Annotated[str | None, Parameter(help="What a simulated robot's partner does; default lift.")] = None,
     seed: Annotated[int, Parameter(help="Which partner a simulated robot has.")] = 7,
     shadow: Annotated[bool, Parameter(negative="", help="Compute and record, command nothing.")] = False,
