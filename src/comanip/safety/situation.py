@@ -71,7 +71,8 @@ class Situation:
             self._comply(BLOCKED)
             self._impact_s = limits.impact_s
         wish = self._inner.velocity.tolist()
-        if self._passed == BLOCKED and -dot(self._force, wish) > limits.offer_n * length(wish):
+        most = 1.2 * self._let_go.load if self._let_go.was_mistaken else limits.offer_n  # an arm is led up by about the weight
+        if self._passed == BLOCKED and -dot(self._force, wish) > max(most, limits.offer_n) * length(wish):
             self._wait_s = min(2.0 * self._wait_s, AGAIN_S)
             self._comply(BLOCKED)
 
@@ -103,8 +104,10 @@ class Situation:
             self._pause(GONE)
         elif length(self._force) < 0.5 * self._let_go.load:
             self._reason = BLOCKED
+            self._let_go.mistaken()
         else:  # somebody answers, and is followed
             self._let_go.forget()
+            self._let_go.mistaken()
             self._goes_on(GONE)
 
     def _recover(self: Any, obs: Observation, period: float) -> None:
