@@ -162,7 +162,7 @@ def test_a_lerobot_folder_is_learned_from_without_being_loaded(tmp_path, lessons
     found = []
     streamed = ("--stream", "--workers", 1)
     for how in (streamed, (*streamed, "--force-unit", "N"), ()):  # as it is, prepared, in memory
-        learned = answer("learn", tmp_path, "-o", tmp_path / "s.json", "--role", "follower", *how, *columns)
+        learned = answer("learn", tmp_path, "--overwrite", "-o", tmp_path / "s.json", "--role", "follower", *how, *columns)
         assert learned["rate_hz"] == 100.0
         assert learned["channels"] == ["position.z", "force.z", "velocity.z"]
         assert json.loads((tmp_path / "s.json").read_text())["clock"] is not None

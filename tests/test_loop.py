@@ -104,5 +104,5 @@ def test_time_can_be_distorted_but_never_backwards():
     assert new == pytest.approx([0, 0, 0, 0, 0, 0, 0.1, 0.2, 0.3, 0.4, 0.5])
     with pytest.raises(ParameterError, match="backwards"):
         distort_time(1.0, [(0.0, 0.5), (1.0, 0.2)], 0.1)
-    with pytest.raises(ParameterError, match="duration_s must be positive"):
+    with pytest.raises(ParameterError, match="duration_s must be a positive number"):
         run(replay(), Steady(), duration_s=0.0)

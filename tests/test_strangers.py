@@ -57,5 +57,5 @@ def test_the_default_law_works_nine_times_in_ten(skills):
 
 def test_the_file_gives_partners_to_a_trial():
     make, case = PartnersFrom(strangers.__file__), drawn("follower")
-    made = [type(make(replace(case, seed=n), np.random.default_rng(0))).__name__ for n in range(9)]
+    made = [type(make(replace(case, seed=n), np.random.default_rng(0)).person).__name__ for n in range(9)]
     assert made == [kind.__name__ for kind in (*strangers.LEADING, strangers.LEADING[0])]

@@ -23,8 +23,7 @@ from .signals import sphere
 from .signals.filters import Lowpass
 
 MOST_GAP_S = 0.05  # between two samples of a slow sensor
-# a low-pass is late by 0.225 / cutoff: by 15 ms at 15 Hz, and with an arm of 1 kg or more on its grip the loop then shakes at
-# 6-8 Hz; by 6 ms at 40 Hz
+# a low-pass is late by 0.225 / cutoff: at 15 Hz by 15 ms, and an arm of 1 kg or more on its grip then shakes at 6-8 Hz
 CUTOFF_HZ = 40.0
 MOST_OF_THE_RATE = 0.4  # a filter may not be faster than this share of the rate
 MAX_FORCE = 1e6  # [N] beyond any sensor of a hand: treated as missing, so that one wild sample cannot ring for seconds

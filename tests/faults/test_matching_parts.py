@@ -38,7 +38,9 @@ def test_C31_a_skill_of_another_period_is_refused_before_the_first_command(skill
     made = [make_skill(skills["leader"], axes=("z",), dt=ours, envelope=envelope)]
     made.append(make_auto(skills, axes=("z",), dt=ours, envelope=envelope))
     for skill in made:
-        with pytest.raises(MismatchError, match=f"the skill runs at dt {ours} s, the plant at {plants} s"):
+        with pytest.raises(
+            MismatchError, match=rf"is made for a control period dt of {ours} s, the plant Counted has {plants} s"
+        ):
             run(plant, skill, duration_s=1.0)
     assert plant.written == 0
 
@@ -47,7 +49,7 @@ def test_C31_a_skill_of_another_period_is_refused_before_the_first_command(skill
 def test_C31_a_skill_of_other_axes_is_refused(skills, axes):
     plant = Counted(start_position=np.full(len(axes), 0.9), axes=axes)
     skill = make_skill(skills["leader"], axes=("z",), dt=0.01)
-    with pytest.raises(MismatchError, match=f"the skill moves axes z; the plant has {', '.join(axes)}"):
+    with pytest.raises(MismatchError, match=f"is made for the axes z, the plant Counted has {', '.join(axes)}"):
         run(plant, skill, duration_s=1.0)
     assert plant.written == 0
 
@@ -56,10 +58,10 @@ def test_C31_an_estimator_of_another_period_or_number_of_axes_is_refused(skills)
     plant = Counted(start_position=np.array([0.9]))
     skill = make_skill(skills["leader"], axes=("z",), dt=0.01)
     for estimator in estimators(0.002, [-9.8]):
-        with pytest.raises(MismatchError, match=r"the estimator runs at dt 0\.002 s, the plant at 0\.01 s"):
+        with pytest.raises(MismatchError, match=r"is made for a control period dt of 0\.002 s, the plant Counted has 0\.01 s"):
             run(plant, skill, duration_s=1.0, estimator=estimator)
     for estimator in estimators(0.01, [0.0, -9.8]):
-        with pytest.raises(MismatchError, match="the estimator's gravity has 2 entries; the plant has the axes z"):
+        with pytest.raises(MismatchError, match="is made for 2 axes, the plant Counted has 1: z"):
             run(plant, skill, duration_s=1.0, estimator=estimator)
     assert plant.written == 0
 

@@ -29,29 +29,36 @@ def reference(rng, d, n=60):
     return PhaseReference(shape * rng.uniform(0.1, 0.4, d), np.sin(np.pi * s) * rng.normal(size=d), 0.02)
 
 
-def comply(law, c, slow, shake, went_on, excess, reference, feedforward):
+def comply(law, c, filters, shakes, excess, reference, feedforward):
     """The compliance with numpy, as the module's docstring writes it."""
-    slow = slow + (1.0 - np.exp(-2.0 * np.pi * law.shake_hz * DT)) * (excess - slow)
-    shake = shake + DT / 0.3 * (np.linalg.norm(excess - slow) - shake)
+    keep = 1.0 - np.exp(-2.0 * np.pi * np.array([law.shake_hz, law.shake_hz, law.grip_hz]) * DT)
+    slow = filters[0] + keep[0] * (excess - filters[0])
+    quick = excess - slow
+    slower, gripping = filters[1] + keep[1] * (quick - filters[1]), filters[2] + keep[2] * (quick - filters[2])
+    (shake, went_on), (turn, turned) = shakes
+    shake = shake + DT / 0.3 * (np.linalg.norm(quick - slower) - shake)
+    turn = turn + DT / 0.3 * (np.linalg.norm(quick - gripping) - turn)
+    amplitude, turns = max(1.57 * shake - law.shake_n, 0.0), max(1.57 * turn - law.grip_n, 0.0)
+    went_on = went_on + DT * (law.shake_growth_per_s * amplitude - went_on / law.shake_memory_s)
+    turned = turned + DT * (law.shake_growth_per_s * turns - turned / law.shake_memory_s)
     rest = 1.0 - min(max(np.linalg.norm(c), np.linalg.norm(reference)) / law.moving_speed_m_per_s, 1.0)
     damping = law.moving_damping_ns_per_m + rest**2 * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
-    amplitude = max(1.57 * shake - law.shake_n, 0.0)
-    went_on = went_on + DT * (law.shake_growth_per_s * amplitude - went_on / law.shake_memory_s)
     damping += law.shake_damping_ns_per_m_per_n * (amplitude + went_on)
     push = excess * max(1.0 - law.dead_zone_n * rest / np.linalg.norm(excess), 0.0)
-    m = law.virtual_mass_kg
-    return (c + DT / m * push + DT * feedforward) / (1.0 + DT / m * damping), slow, shake, went_on
+    m = law.virtual_mass_kg + law.grip_mass_kg_per_n * (turns + turned)
+    c = (c + DT / m * push + DT * feedforward) / (1.0 + DT / m * damping)
+    return c, (slow, slower, gripping), ((shake, went_on), (turn, turned))
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(1, 3), st.integers(0, 2**31), st.sampled_from(["leader", "follower"]))
 def test_the_compliance_is_what_numpy_says(d, seed, role):
     rng, law, one = np.random.default_rng(seed), CollaborativeLaw.for_role(role), Compliance(d, DT)
-    c, slow, shake, went_on = np.zeros(d), np.zeros(d), 0.0, 0.0
+    c, filters, shakes = np.zeros(d), np.zeros((3, d)), ((0.0, 0.0), (0.0, 0.0))
     for _ in range(50):
         given_ = rng.normal(size=(3, d)) * [[rng.choice([0.1, 5.0, 40.0])], [0.1], [0.5]]
         one.step(law, *given_)
-        c, slow, shake, went_on = comply(law, c, slow, shake, went_on, *given_)
+        c, filters, shakes = comply(law, c, filters, shakes, *given_)
         np.testing.assert_allclose(one.velocity, c, rtol=1e-10, atol=1e-14)
 
 

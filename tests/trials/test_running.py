@@ -98,7 +98,7 @@ def test_each_law_runs_in_the_roles_it_can_play_and_says_so_of_others(skills, la
 
 
 def test_what_cannot_be_asked_for_is_said(skills):
-    with pytest.raises(ParameterError, match="law 'magic' is unknown; there are: default, paper, mass-damper"):
+    with pytest.raises(ParameterError, match="law 'magic' is unknown; there are: default, lqt, even, paper, mass-damper"):
         contestant("magic", "leader", skills, dt=DT)
     with pytest.raises(ParameterError, match="needs skills of both roles"):
         contestant("active-passive", "leader", {"leader": skills["leader"]}, dt=DT)

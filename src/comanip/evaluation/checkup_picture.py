@@ -13,6 +13,7 @@ from ..lessons.checkup import Stretch, stretches
 from ..lessons.faults import period
 from ..recording import Channel, Recording
 from .drawing import blank, label, line, taste
+from .shown import for_drawing
 
 MOST = 4  # recordings side by side; more are counted in the caption
 _SHOWN = ("hand.position", "hand.velocity", "hand.force", "hand.sensor_force")
@@ -45,7 +46,7 @@ def checkup_picture(recordings: Sequence[Recording]) -> Any:
                     continue
                 _over_time(top, recording[name], marks, name)
                 _spectrum(below, recording[name], name)
-            grid[0][c].set_title(str(recording.metadata.get("name", "")) or f"recording {c + 1}")
+            grid[0][c].set_title(for_drawing(str(recording.metadata.get("name", "")) or f"recording {c + 1}"))
     return figure
 
 

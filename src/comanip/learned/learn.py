@@ -168,7 +168,7 @@ def assembled(
             "bic": fit.bic,
             "n_frames": fit.n_frames,
             "topology": topology,
-            **({"held_out": list(held_out)} if held_out else {}),
+            "held_out": list(held_out),
         },
         paths=paths,
         onsets_s=onsets_s,

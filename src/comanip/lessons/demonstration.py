@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import warnings
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -32,7 +31,7 @@ from .faults import (
     say_bridged,
     suspect,
 )
-from .forces import Bias, check_force, check_sensor, known_bias, stated_bias, tared
+from .forces import Bias, check_force, check_sensor, known_bias, stated_bias, stated_gravity, tared
 from .jumps import check_jumps
 from .orientations import VECTOR, angular_velocity, is_quaternion, oriented, turning, unit
 from .stamps import one_rate
@@ -262,7 +261,7 @@ def _pieces(recording: Recording, chosen: Preparation) -> list[Demonstration]:
     if chosen.load_share is None:
         chosen = replace(chosen, load_share=float(recording.metadata.get("load_share", 0.5)))
     if chosen.gravity is None and "gravity_m_per_s2" in recording.metadata:
-        chosen = replace(chosen, gravity=_stated_gravity(recording))
+        chosen = replace(chosen, gravity=stated_gravity(recording, _where(recording)))
     channels = _channels(recording, where, chosen, notes)
     asked = chosen.rate_hz or recording.metadata.get("rate_hz")
     holes = {name: gaps(channel, 1.0 / asked if asked else 0.0) for name, channel in channels.items()}
@@ -463,18 +462,6 @@ def _complete(
     else:
         position, velocity, unit = signals["position"], signals["velocity"], units["position"]
         check_velocity(where, position, velocity, dt, cutoff_hz=cutoff, axes=axes, notes=notes, unit=unit)
-
-
-def _stated_gravity(recording: Recording) -> tuple[float, ...]:
-    """Of metadata gravity_m_per_s2. Raises RecordingError for what is not (d,) numbers."""
-    stated = recording.metadata["gravity_m_per_s2"]
-    try:
-        gravity = tuple(float(g) for g in stated)
-    except (TypeError, ValueError):
-        gravity = (math.nan,)
-    if not all(map(math.isfinite, gravity)):
-        raise RecordingError(f"{_where(recording)}: metadata gravity_m_per_s2 must be finite numbers; got {stated!r}")
-    return gravity
 
 
 def _interaction(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from ..errors import ParameterError, RecordingError, given
 from ..interfaces import Array
-from ..recording import Channel, axis_units
+from ..recording import Channel, Recording, axis_units
 from .faults import kinds_of_axes, period, suspect, white_noise
 
 BIAS_WARNED = {"N": 1.5, "N m": 0.3}  # a hand-held sensor that was tared reads less
@@ -225,3 +226,15 @@ def _quantum(column: Array) -> float:
     step = float(np.diff(values).min())
     multiples = (values - values[0]) / step
     return step if np.abs(multiples - np.rint(multiples)).max() < 1e-3 * max(1.0, multiples[-1] * 1e-3) else 0.0
+
+
+def stated_gravity(recording: Recording, where: str) -> tuple[float, ...]:
+    """Of metadata gravity_m_per_s2. Raises RecordingError for what is not (d,) numbers."""
+    stated = recording.metadata["gravity_m_per_s2"]
+    try:
+        gravity = tuple(float(g) for g in stated)
+    except (TypeError, ValueError):
+        gravity = (math.nan,)
+    if not all(map(math.isfinite, gravity)):
+        raise RecordingError(f"{where}: metadata gravity_m_per_s2 must be finite numbers; got {stated!r}")
+    return gravity
