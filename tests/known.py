@@ -6,6 +6,9 @@ ASK = "the envelope stops a partner who leads strokes or turns firmly"
 FASTER = "the leader is faster than this claim was written for"
 
 KNOWN = {
+    "tests/faults/test_safety_faults.py::test_C25_C27_a_force_that_lies_moves_the_hand_no_farther_and_no_faster_than_taught[": (
+        "6 N along the motion are believed of who leads: some lies are said late"
+    ),
     "tests/evaluation/test_recognition.py::test_of_two_lessons_none_can_be_left_out": "the key is absent",
     "tests/faults/test_people_faults.py::test_C9_what_people_do_at_rest_is_no_jump": JUMP,
     "tests/faults/test_people_faults.py::test_C12_a_wall_stops_it_and_is_not_pressed_on[leader]": LIGHT,

@@ -226,7 +226,7 @@ def test_all_that_the_envelope_remembers_is_lent_or_stays():
         "_passes", "_passed", "_passed_s", "_wait_s", "_cause", "_bound", "_pulled",
     }  # fmt: skip
     parts = {
-        "_let_go": {"_alone_n", "_alone_s", "_stands_m_s", "_most_apart_n", "_swing", "_pulls", "_before"},
+        "_let_go": {"_alone_n", "_alone_s", "_stands_m_s", "_most_apart_n", "_swing", "_pulls", "_before", "was_mistaken"},
         "_sinking": {"_alone_n"},
         "_pushed": {"_usual_n"},
         "_stuck": {"_stuck_s", "_stuck_m"},
