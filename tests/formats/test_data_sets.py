@@ -425,3 +425,15 @@ def test_a_mapping_is_kept_in_a_file(tmp_path):
     path.write_text("position = \n")
     with pytest.raises(RecordingError, match="not TOML"):
         mapping_file(path)
+
+
+def test_text_that_is_no_utf8_is_refused_in_one_line(tmp_path):
+    """Parquet's text is not looked at when it is read; it ended in a UnicodeDecodeError later."""
+    import pyarrow
+
+    bytes_ = pyarrow.array([b"lift \xe8 it", b"lower it"])
+    words = pyarrow.StringArray.from_buffers(2, *bytes_.buffers()[1:])
+    parquet.write_table(pyarrow.table({"task": words, "task_index": [0, 1]}), tmp_path / "tasks.parquet")
+    with pytest.raises(RecordingError, match=r"tasks.parquet: not a Parquet file that can be read: .*UTF8") as told:
+        read(tmp_path / "tasks.parquet")
+    assert "\n" not in str(told.value)

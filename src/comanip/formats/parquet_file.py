@@ -110,6 +110,7 @@ def read_table(path: Path) -> tuple[Any, Mapping[bytes, bytes]]:
                     f"{path}: {head.num_rows} rows of {head.num_columns} columns: too much at once; learn with --stream"
                 )
             table = file.read()
+            table.validate(full=True)  # text that is no UTF-8, lists that end before they begin
             return table, dict(table.schema.metadata or {})
     except (arrow.ArrowException, OSError, ValueError, KeyError, TypeError, OverflowError) as error:
         raise RecordingError(f"{path}: not a Parquet file that can be read: {_line(error)}") from None
@@ -266,7 +267,7 @@ def _own(path: Path, table: Any, head: bytes, recover: bool) -> Recording:
     try:
         stated = json.loads(text)
         version, layout, metadata = int(stated["version"]), dict(stated["channels"]), dict(stated["metadata"])
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise RecordingError(f"{path}: a damaged comanip header ({error})") from None
     if version > VERSION:
         raise RecordingError(f"{path}: written as version {version}; this comanip reads up to {VERSION}: update comanip")
