@@ -81,7 +81,7 @@ class Pulls:
 @cache
 def _skill() -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
-        learned = learn([demonstration(lift(n, role="leader"), rate_hz=50.0) for n in range(3)], role="leader", n_states=3)
+        learned = learn([demonstration(lift(n), rate_hz=50.0) for n in range(3)], role="follower", n_states=3)
         save(learned, path := Path(folder) / "a.skill.json")
         return json.loads(path.read_text())
 

@@ -46,9 +46,8 @@ def whole(path: Path) -> str:
     if path.name.endswith(".live.mcap"):
         return ""  # the take as far as it went: `comanip recover` makes a whole file of it
     try:
-        if path.suffix == ".json":
-            if json.loads(path.read_text()).get("format") == FORMAT:
-                load(path)
+        if path.suffix == ".json" and json.loads(path.read_text()).get("format") == FORMAT:
+            load(path)
         if path.suffix == ".png":
             return "" if path.read_bytes().endswith(b"IEND\xaeB`\x82") else f"{path.name} is cut"
         if path.suffix == ".html":

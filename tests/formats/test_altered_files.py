@@ -8,9 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import fuzz_digits
 import fuzz_readers
 import fuzz_settings
-from comanip.errors import ComanipError
+from comanip.errors import ComanipError, RecordingError
 from comanip.formats import csv_file, hdf5_file, lerobot, mcap_file, parquet_file, read, write
 from lifts import lift
 
@@ -47,3 +48,23 @@ def test_a_header_of_ours_with_anything_in_it_is_one_line(tmp_path, monkeypatch,
             refused += 1
             assert "\n" not in str(error)
     assert refused > 50
+
+
+def test_a_parquet_file_whose_header_lost_its_name_is_not_anybodys(tmp_path):
+    """One bit in the name, and role, frames and checksum were gone; the values were read as a plain table."""
+    pytest.importorskip("pyarrow")
+    write(lift(), path := tmp_path / "a.parquet")
+    whole = path.read_bytes()
+    at = whole.rindex(b"\x07comanip\x18") + 1
+    path.write_bytes(whole[:at] + b"k" + whole[at + 1 :])
+    with pytest.raises(RecordingError, match="damaged: it is one of comanip's, and its header is not found"):
+        read(path)
+
+
+@pytest.mark.parametrize("suffix", fuzz_digits.SUFFIXES)
+def test_no_digit_changes_in_silence(suffix):
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("h5py")
+    refused, _, wrong = fuzz_digits.silent(suffix, 60, seed=1)
+    assert wrong == []
+    assert refused > 30
