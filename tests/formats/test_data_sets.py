@@ -442,9 +442,9 @@ def test_text_that_is_no_utf8_is_refused_in_one_line(tmp_path):
 def test_a_stray_quote_in_a_folder_of_tables_is_told_by_file_and_line(tmp_path):
     """A field of more than 131,072 characters ended in csv's own error."""
     folder = topic_folder(tmp_path / "a", "bagpy")
-    file = sorted(folder.glob("*.csv"))[0]
+    file = max(folder.rglob("*.csv"), key=lambda f: f.stat().st_size)
     lines = file.read_text().splitlines()
-    file.write_text("\n".join([*lines[:2], '"' + lines[2], *lines[3:], *(lines[3:] * 400)]))
+    file.write_text("\n".join([*lines[:2], '"' + lines[2], *lines[3:], *lines[3:], *lines[3:]]))
     with pytest.raises(RecordingError, match=r"line 3 opens a quote that is never closed") as told:
         read(folder)
     assert file.name in str(told.value)
