@@ -50,7 +50,7 @@ def run_case(
     case = case.starting(start_m)
     rng = np.random.default_rng(case.seed)
     person = partner(case, rng)
-    world = _plant(plant, person, case, dt, rng)
+    world = plant_for(plant, person, case, dt, rng)
     estimator = estimator_for(case, dt)
     about = {
         "role": case.role,
@@ -92,7 +92,8 @@ def _plan(case: Case) -> dict[str, Any]:
     return {"time_s": times.tolist(), "displacement_m": course.sampled(times).tolist()}
 
 
-def _plant(name: str, person: Partner, case: Case, dt: float, rng: np.random.Generator) -> Plant:
+def plant_for(name: str, person: Partner, case: Case, dt: float, rng: np.random.Generator) -> Plant:
+    """The plant of `parts.PLANTS` with this person and this day's object and sensor."""
     sensor = WristSensor(case.force_noise_n, case.force_bias_n, case.sensor_delay_s)
     beam = Beam(mass_kg=case.beam_mass_kg, length_m=case.task.carried.length_m)
     made: Plant = known("plant", name, PLANTS).load()(
