@@ -1,5 +1,6 @@
 """comanip: teach a robot to handle things together with a person, by demonstration, with force."""
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -182,6 +183,8 @@ if TYPE_CHECKING:  # the same once more for type checkers and editors; a test co
     from .trials import success_interval as success_interval
 
 __all__ = ["__version__", *_PUBLIC]
+if "gymnasium" in sys.modules:  # whoever uses it will ask it for comanip/Carry-v0: a name in its registry, nothing more is loaded
+    import_module("comanip.gym")
 
 
 def __getattr__(name: str) -> Any:

@@ -24,6 +24,7 @@ from .judging import Verdict, judge
 
 START_M = float(named(TASK).start[0])  # of the hand in the usual task
 EXPECTED_DELAY_S = 0.010  # of the force sensor behind the velocity: 0 to 20 ms in the draw, and the robot knows no better
+POLICY_FAULT = "HOLD: policy: "  # how the envelope says so
 PLAN_S = 0.05  # between two points of a plan that pictures show
 MakePartner = Callable[[Case, np.random.Generator], Partner]
 
@@ -143,11 +144,18 @@ def one_run(
     partner: MakePartner = partner_of,
 ) -> tuple[Recording, Verdict]:
     """The recording of one case, and the verdict on it."""
-    skill = contestant(law, case.role, learned, dt=dt, goal=told_goal(case))
+    skill = contestant(law, case.role, learned, dt=dt, goal=told_goal(case), task=case.task)
     with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
         recording = unbroken(run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law}))
         ends = learned["leader" if "leader" in learned else case.role].ends
-        return recording, judge(case, recording, taught_ends_m=ends, lessons_clearance_m=clearance(learned))
+        verdict = judge(case, recording, taught_ends_m=ends, lessons_clearance_m=clearance(learned))
+        return recording, verdict._replace(failures=verdict.failures + policy_fault(recording))
+
+
+def policy_fault(recording: Recording) -> tuple[str, ...]:
+    """Why the envelope stopped what it is around, where that failed: an exception, a number that is not finite, a wrong shape."""
+    said = str(recording.metadata.get("notice", ""))
+    return (f"policy: {said.removeprefix(POLICY_FAULT)}",) if said.startswith(POLICY_FAULT) else ()
 
 
 def told_goal(case: Case) -> Array | None:

@@ -57,7 +57,8 @@ def test_gymnasiums_own_checker_has_nothing_to_say(about):
 
 
 def test_it_is_registered_by_importing_its_room_and_by_its_name():
-    for code in ("import comanip.gym; name = 'comanip/Carry-v0'", "name = 'comanip.gym:comanip/Carry-v0'"):
+    imports = ("import comanip.gym", "import comanip", "name = 'comanip.gym:comanip/Carry-v0'")
+    for code in (f"name = 'comanip/Carry-v0'; {more}" for more in imports):
         done = subprocess.run([sys.executable, "-c", f"import gymnasium; {code}; gymnasium.make(name)"], capture_output=True)
         assert done.returncode == 0, done.stderr
 
