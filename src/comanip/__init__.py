@@ -183,8 +183,15 @@ if TYPE_CHECKING:  # the same once more for type checkers and editors; a test co
     from .trials import success_interval as success_interval
 
 __all__ = ["__version__", *_PUBLIC]
-if "gymnasium" in sys.modules:  # whoever uses it will ask it for comanip/Carry-v0: a name in its registry, nothing more is loaded
-    import_module("comanip.gym")
+
+
+def _tell_gymnasium() -> None:
+    """Whoever has Gymnasium loaded may ask it for comanip/Carry-v0: a name in its registry, and nothing more is loaded."""
+    if "gymnasium" in sys.modules:
+        import_module("comanip.gym")
+
+
+_tell_gymnasium()
 
 
 def __getattr__(name: str) -> Any:
