@@ -117,7 +117,7 @@ class Pace(Copied):
         """At `position` (d,); in `waits_s` [s] it goes on from `phase` [s] of the reference to `goal`; from rest it eases in."""
         reference = self.references[goal]
         offset = position - reference.at(reference.position, phase)
-        off = float(np.linalg.norm(offset))
+        off = length(offset.tolist())
         fading_s = max(FADES_S, 1.875 * off / (FADES_BELOW * max(reference.top_speed, 1e-9))) if off > 0.0 else 0.0
         self.memory[:] = 0.0
         self._offset[:] = offset
@@ -272,7 +272,7 @@ class CollaborativeSkill(Copied):
         self._nothing, self._foreseen = np.zeros(d), np.zeros(d)
         self._nothing.setflags(write=False)
         self._compliance = Compliance(d, dt)
-        self._foresight = Foresight(dt, d)
+        self._foresight = Foresight(dt, d, self._pace.references)
         self._memory = memory(d)
         self._expected, self._velocity, self._position, *_ = self._memory[: 7 * d].reshape(7, d)
         self._phase, self._rate, *_ = self._memory[7 * d :].reshape(7, 1)
@@ -409,10 +409,11 @@ class CollaborativeSkill(Copied):
     def _as_foreseen(self, force: Array, velocity: list[float], speed: float) -> Array:
         """Acceleration (d,) that takes the hand along with the plans: theirs, and what damping would take from their speed."""
         law, seen = self.law, self._foresight
-        along = dot(force.tolist(), seen.velocity) / max(length(seen.velocity), 1e-3)
+        plans, changes = seen.velocity.tolist(), seen.acceleration.tolist()
+        along = dot(force.tolist(), plans) / max(length(plans), 1e-3)
         share = law.foresight * seen.sure * min(max((along + 2.0) / 1.5, 0.0), 1.0)
         damped = law.moving_damping_ns_per_m / law.virtual_mass_kg
-        for i, (a, v) in enumerate(zip(seen.acceleration, seen.velocity, strict=True)):
+        for i, (a, v) in enumerate(zip(changes, plans, strict=True)):
             self._foreseen[i] = share * (a + damped * v)
         return self._foreseen
 
