@@ -12,8 +12,6 @@
     X(let_go_speed, let_go_m_per_s) X(tare_n, tare_n) X(jump_n, jump_n) X(jump_rest_s, jump_rest_s) X(dt, _dt) X(late, _late)
 typedef struct { LIMITS(ONE_NUMBER) } Limits;
 
-typedef double Axes[MOST_AXES];
-
 #define SCALARS(X) \
     X(period, _period) X(time, _time) X(stamp, _stamp) X(age, _age) X(elapsed, _elapsed) X(impact_s, _impact_s) \
     X(blocked_ns, _blocked_ns) X(alone_s, _alone_s) X(rest_s, _rest_s) X(energy, _energy) X(held, _held) X(sinks_s, _sinks_s) \
@@ -71,18 +69,12 @@ typedef struct {
 
 static const double LACKS[2] = {0.02, 0.12}, TURNS[2] = {0.15, 0.3};
 
-static double apart(const double *a, const double *b, int d) {
-    double total = 0.0;
-    for (int i = 0; i < d; i++) total += (a[i] - b[i]) * (a[i] - b[i]);
-    return sqrt(total);
-}
-
 static double load_of(const Ledger *l, int d) { return l->weighed >= WEIGHED_TICKS ? length(l->weight, d) : 0.0; }
 
 static void remember(double *rows, double *n, int most_rows, int d, const double *row) {
     if (*n == most_rows) memmove(rows, rows + d, sizeof(double) * d * (most_rows - 1));
     else *n += 1.0;
-    memcpy(rows + ((int)*n - 1) * d, row, sizeof(double) * d);
+    copy(rows + ((int)*n - 1) * d, row, d);
 }
 
 /* Envelope._clock */
@@ -108,8 +100,8 @@ static int plausible(const Envelope *e, Ledger *l, const double *x, const double
     }
     if (apart(x, l->at, e->d) > limits->position_jump + 2.0 * limits->v_max * l->elapsed) return 0;
     if (length(f, e->d) > limits->force_limit || sqrt(speed) > 10.0 * limits->v_max) return 0;
-    memcpy(l->at, x, sizeof(double) * e->d);
-    memcpy(l->force, f, sizeof(double) * e->d);
+    copy(l->at, x, e->d);
+    copy(l->force, f, e->d);
     return 1;
 }
 
@@ -143,13 +135,13 @@ static int lives(const Envelope *e, Ledger *l, const double *sensed, double spee
 static int steady_zero(const Envelope *e, Ledger *l, const double *sensed, int at_rest) {
     if (!all_finite(sensed, e->d)) return 1;
     if (!all_finite(l->sensed, e->d)) {
-        memcpy(l->sensed, sensed, sizeof(double) * e->d);
+        copy(l->sensed, sensed, e->d);
         return 1;
     }
     const double still = l->still_s, change = apart(sensed, l->sensed, e->d);
     l->still_s = at_rest ? l->still_s + l->period : 0.0;
     if (change == 0.0) return 1;
-    memcpy(l->sensed, sensed, sizeof(double) * e->d);
+    copy(l->sensed, sensed, e->d);
     l->heard_s = least(l->heard_s + l->period, most(QUIET_S, l->period));
     if (still > e->limits.jump_rest_s && change > e->limits.jump_n + 6.0 * l->jump_usual) return 0;
     const double share = l->period > 0.0 ? l->period / l->heard_s : 0.0;
@@ -284,7 +276,7 @@ static int clipped(const Envelope *e, const Ledger *l, const double *asked, doub
     const Limits *limits = &e->limits;
     const int d = e->d;
     const double load = load_of(l, d);
-    memcpy(v, asked, sizeof(double) * d);
+    copy(v, asked, d);
     if (l->again_s < AGAIN_S && load > LIGHT_N) { /* Envelope._unsunk */
         const double may = most(sqrt(2.0 * SINK_M_S2 * most(limits->sink_m - l->sunk, 0.0)), CREEP_M_S);
         const double beyond = dot(asked, l->weight, d) / load - may;

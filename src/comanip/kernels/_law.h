@@ -20,6 +20,8 @@ typedef struct { LAW(ONE_NUMBER) } Numbers; /* CollaborativeLaw */
     X(start_patience_s, start_patience_s) X(midway_patience_s, midway_patience_s) X(finished_m, finished_m) X(held_s, held_s)
 typedef struct { POLICY(ONE_NUMBER) } Policy; /* of RolePolicy */
 
+#include "_foresight.h"
+
 typedef struct { /* RoleEvidence */
     int n, strengths; /* filters, and how many of them are one role */
     Tick **filters;
@@ -29,12 +31,6 @@ typedef struct { /* RoleEvidence */
 } Bank;
 
 enum { BANK_DT, BANK_CHANGE, BANK_MEMORY, BANK_GATE };
-
-typedef struct { /* PhaseReference: one goal's path, (rows, d) each; way, gain (rows) */
-    int rows;
-    double step_s, duration_s, top_speed, slack;
-    const double *path, *velocity, *force, *way, *gain;
-} Table;
 
 typedef struct { /* Whereabouts: `stations` rows of 3 d + 5 numbers; goal g has those from first[g] to first[g + 1] */
     int stations, width;
@@ -51,6 +47,7 @@ typedef struct {
     Bank bank;
     Table *tables;
     Where where;
+    Foresight foresight;
     double *compliance, *slow, *slower, *gripping, *shake, *went_on, *turn, *turned; /* Compliance.memory */
     double *expected, *wanted, *offset, *clock;   /* Pace.memory */
     double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock, *rest_s, *moved, *against_s,
@@ -62,7 +59,6 @@ typedef struct {
 
 enum { PHASE, RATE, RESISTANCE, WAITS, FADED, FADING, LED, EASING, GOAL, GOING, CLOCKS }; /* Pace.clock */
 enum { AT_PHASE, SPACING, DOUBT, BREADTH, LOG_BREADTH, STATION };                 /* Whereabouts.stations, after 3 d vectors */
-#define ABSURD 1e6 /* no robot is so far away, so fast or so strong, in any unit */
 #define WHERE_PERIOD 0.02
 #define WHERE_MEMORY 0.2
 #define WHERE_GATE 10.0
@@ -70,60 +66,8 @@ enum { AT_PHASE, SPACING, DOUBT, BREADTH, LOG_BREADTH, STATION };               
 #define WHERE_SLIPS 0.1
 #define LATEST 1.8
 
-static double least(double a, double b) { return b < a ? b : a; }
-static double most(double a, double b) { return b > a ? b : a; }
-static double within(double x, double low, double high) { return least(most(x, low), high); }
-
-static double dot(const double *a, const double *b, int d) {
-    double sum = 0.0;
-    for (int i = 0; i < d; i++) sum += a[i] * b[i];
-    return sum;
-}
-
-static double length(const double *a, int d) { return sqrt(dot(a, a, d)); }
-
-static int all_finite(const double *a, int d) {
-    for (int i = 0; i < d; i++)
-        if (!isfinite(a[i])) return 0;
-    return 1;
-}
-
-/* PhaseReference.floats_at */
-static void row_at(const Table *t, const double *table, int d, double phase, double *out) {
-    const double place = within(phase / t->step_s, 0.0, (double)(t->rows - 1));
-    const int n = (int)place < t->rows - 2 ? (int)place : t->rows - 2;
-    const double share = place - n;
-    for (int i = 0; i < d; i++) out[i] = (1.0 - share) * table[n * d + i] + share * table[(n + 1) * d + i];
-}
-
-/* PhaseReference.remaining_m */
-static double remaining(const Table *t, double phase) {
-    double gone;
-    row_at(t, t->way, 1, phase, &gone);
-    return t->way[t->rows - 1] - gone;
-}
-
-/* PhaseReference.closest, within 0.15 s */
-static double closest(const Table *t, int d, const double *position, double near) {
-    int low = (int)most((near - 0.15) / t->step_s, 0.0);
-    int high = (int)least((near + 0.15) / t->step_s, (double)t->rows) + 2;
-    if (high > t->rows) high = t->rows;
-    if (low > high - 1) low = high - 1;
-    int best = low;
-    double smallest = INFINITY;
-    for (int n = low; n < high; n++) {
-        double apart = 0.0;
-        for (int i = 0; i < d; i++) {
-            const double off = t->path[n * d + i] - position[i];
-            apart += off * off;
-        }
-        if (apart < smallest) smallest = apart, best = n;
-    }
-    return best * t->step_s;
-}
-
 /* Whereabouts._moved and _sample */
-static void sample(const Law *l, const double *x, const double *v) {
+static inline void sample(const Law *l, const double *x, const double *v) {
     const Where *w = &l->where;
     const int d = l->d, n = w->stations;
     const double fresh = ASTRAY / n, worth = WHERE_PERIOD / WHERE_MEMORY, speed = length(v, d);
@@ -167,7 +111,7 @@ static void sample(const Law *l, const double *x, const double *v) {
 }
 
 /* Whereabouts.step, of finite numbers */
-static void locate(Law *l, const double *position, const double *velocity) {
+static inline void locate(Law *l, const double *position, const double *velocity) {
     Where *w = &l->where;
     const int d = l->d;
     double x[MOST_AXES], v[MOST_AXES];
@@ -194,17 +138,17 @@ static void locate(Law *l, const double *position, const double *velocity) {
 }
 
 /* collaborate._left, _leaving */
-static double left_of(double u) { return 1.0 - u * u * u * (10.0 + u * (-15.0 + 6.0 * u)); }
-static double leaving(double u) { return -(u * u * (30.0 + u * (-60.0 + 30.0 * u))); }
+static inline double left_of(double u) { return 1.0 - u * u * u * (10.0 + u * (-15.0 + 6.0 * u)); }
+static inline double leaving(double u) { return -(u * u * (30.0 + u * (-60.0 + 30.0 * u))); }
 
 /* Pace._in_time */
-static double in_time(const Table *t, double s, double gone, double led_s) {
+static inline double in_time(const Table *t, double s, double gone, double led_s) {
     const double left = t->duration_s - s, left_s = LATEST * (left + gone) - led_s;
     return left_s > left ? least(left / left_s, 1.0) : 1.0;
 }
 
 /* Pace.step */
-static void pace(Law *l, const double *x, const double *force) {
+static inline void pace(Law *l, const double *x, const double *force) {
     const Numbers *law = &l->law;
     const int d = l->d;
     double *c = l->clock;
@@ -245,8 +189,17 @@ static void pace(Law *l, const double *x, const double *force) {
     }
 }
 
+/* CollaborativeSkill._as_foreseen */
+static inline void as_foreseen(const Law *l, const double *force, double *foreseen) {
+    const Foresight *f = &l->foresight;
+    const double along = dot(force, f->velocity, l->d) / most(length(f->velocity, l->d), 1e-3);
+    const double share = l->law.foresight * f->told[SURE] * within((along + 2.0) / 1.5, 0.0, 1.0);
+    const double damped = l->law.moving_damping / l->law.mass;
+    for (int i = 0; i < l->d; i++) foreseen[i] = share * (f->acceleration[i] + damped * f->velocity[i]);
+}
+
 /* CollaborativeSkill._anticipate */
-static void anticipate(Law *l, const double *x, const double *force, double *foreseen) {
+static inline void anticipate(Law *l, const double *x, const double *force, double *foreseen) {
     const Numbers *law = &l->law;
     const int d = l->d;
     double now[MOST_AXES], ahead[MOST_AXES];
@@ -256,6 +209,13 @@ static void anticipate(Law *l, const double *x, const double *force, double *for
     const double before = l->shown_clock[PHASE], s = *l->where.phase, speed = length(l->compliance, d);
     l->shown_clock[RATE] = (s - before) / l->dt;
     l->shown_clock[PHASE] = s;
+    if (l->foresight.plans && l->foresight.told[AWAKE] != 0.0) {
+        foresee(&l->foresight, l->tables, d, l->dt, x, l->compliance);
+        if (l->foresight.told[AWAKE] != 0.0) {
+            as_foreseen(l, force, foreseen);
+            return;
+        }
+    }
     if (speed < 0.02) return;
     row_at(t, t->velocity, d, s, now);
     const double usual = most(length(now, d), 0.03);
@@ -271,7 +231,7 @@ static void anticipate(Law *l, const double *x, const double *force, double *for
 }
 
 /* collaborate._beyond */
-static void beyond(const double *values, double *slow, double keep, int d, double *fast) {
+static inline void beyond(const double *values, double *slow, double keep, int d, double *fast) {
     for (int i = 0; i < d; i++) {
         slow[i] += keep * (values[i] - slow[i]);
         fast[i] = values[i] - slow[i];
@@ -279,7 +239,7 @@ static void beyond(const double *values, double *slow, double keep, int d, doubl
 }
 
 /* Compliance.step; `moving` is the larger of the compliance's speed and the reference's, or what `at_least_going` says */
-static void comply(Law *l, const Numbers *law, const double *excess, double moving, const double *feedforward) {
+static inline void comply(Law *l, const Numbers *law, const double *excess, double moving, const double *feedforward) {
     const int d = l->d;
     const double keep_slow = 1.0 - exp(-2.0 * PI * law->shake_hz * l->dt), keep_grip = 1.0 - exp(-2.0 * PI * law->grip_hz * l->dt);
     const double rest = 1.0 - least(moving / law->moving_speed, 1.0);
@@ -301,7 +261,7 @@ static void comply(Law *l, const Numbers *law, const double *excess, double movi
 }
 
 /* command_velocity; `out` is position, velocity, acceleration. */
-static void send(Law *l, const Numbers *law, const double *x, const double *reference, double *const out[3]) {
+static inline void send(Law *l, const Numbers *law, const double *x, const double *reference, double *const out[3]) {
     const double limit = law->max_acceleration * l->dt, lead = law->lead_s / l->dt;
     double changes[MOST_AXES];
     for (int i = 0; i < l->d; i++) changes[i] = reference[i] + l->compliance[i] - l->velocity[i];
@@ -316,59 +276,67 @@ static void send(Law *l, const Numbers *law, const double *x, const double *refe
 }
 
 /* Watch.step, at most one step of the filter; 0 where the filter leaves it to its twin. */
-static int watch(Law *l, const double *x, const double *force) {
+static inline int watch(Law *l, const double *x, const double *force) {
     const int due = *l->until <= 1e-9;
     if (due) {
         if (*l->until + l->model_dt <= 1e-9) return 0;
-        memcpy(l->seen, x, sizeof(double) * l->d);
-        if (l->filter->D > l->d) memcpy(l->seen + l->d, force, sizeof(double) * l->d);
-        if (!l->level->tick(l->filter, l->seen)) return 0;
+        copy(l->seen, x, l->d);
+        if (l->filter->D > l->d) copy(l->seen + l->d, force, l->d);
+        if (!TICK(l, l->filter, l->seen)) return 0;
     }
     *l->until = (due ? *l->until + l->model_dt : *l->until) - l->dt;
     return 1;
 }
 
+/* CollaborativeSkill._foresees */
+static inline void hear_motion(Law *l, const double *x, const double *force) {
+    const int goal = (int)*l->where.goal;
+    hears(&l->foresight, l->tables + goal, l->d, l->dt, goal, *l->where.phase, x, l->compliance, force);
+}
+
 /* CollaborativeSkill.step */
-static int follow(Law *l, const double *x, const double *force, double *const out[3], int anticipates) {
+static inline int follow(Law *l, const double *x, const double *force, double *const out[3], int anticipates) {
     const double nothing[MOST_AXES] = {0};
-    double foreseen[MOST_AXES] = {0}, excess[MOST_AXES];
+    double foreseen[MOST_AXES] = {0}, excess[MOST_AXES], departs = 0.0;
     if (!watch(l, x, force)) return 0;
-    memcpy(l->position, x, sizeof(double) * l->d);
+    if (anticipates && l->foresight.plans && l->law.foresight > 0.0) hear_motion(l, x, force);
+    copy(l->position, x, l->d);
     if (anticipates) anticipate(l, x, force, foreseen);
+    if (l->foresight.plans) departs = l->foresight.told[DEPARTS] * l->law.moving_speed;
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->shown_expected[i];
-    comply(l, &l->law, excess, length(l->compliance, l->d), foreseen);
+    comply(l, &l->law, excess, most(length(l->compliance, l->d), departs), foreseen);
     send(l, &l->law, x, nothing, out);
     return 1;
 }
 
 /* How fast the hand of a leader goes, or its reference by itself */
-static double at_least_going(const Law *l) {
+static inline double at_least_going(const Law *l) {
     double both[MOST_AXES];
     for (int i = 0; i < l->d; i++) both[i] = l->compliance[i] + l->wanted[i];
     return most(length(both, l->d), l->clock[GOING]);
 }
 
 /* CollaborativeSkill._lead, and what follows it */
-static void lead_there(Law *l, const double *x, const double *force, double *const out[3]) {
+static inline void lead_there(Law *l, const double *x, const double *force, double *const out[3]) {
     const double nothing[MOST_AXES] = {0};
     double excess[MOST_AXES];
-    memcpy(l->position, x, sizeof(double) * l->d);
+    copy(l->position, x, l->d);
     pace(l, x, force);
-    memcpy(l->shown_clock, l->clock, sizeof(double) * 2);
-    memcpy(l->shown_expected, l->expected, sizeof(double) * l->d);
+    copy(l->shown_clock, l->clock, 2);
+    copy(l->shown_expected, l->expected, l->d);
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->expected[i];
     comply(l, &l->law, excess, at_least_going(l), nothing);
     send(l, &l->law, x, l->wanted, out);
 }
 
-static int lead(Law *l, const double *x, const double *force, double *const out[3]) {
+static inline int lead(Law *l, const double *x, const double *force, double *const out[3]) {
     if (!watch(l, x, force)) return 0;
     lead_there(l, x, force, out);
     return 1;
 }
 
 /* RoleEvidence.step. Its filters, with a floor under every transition, leave nothing that is finite to their twins. */
-static void hear(Law *l, const double *x, const double *felt) {
+static inline void hear(Law *l, const double *x, const double *felt) {
     Bank *b = &l->bank;
     const int d = l->d;
     const double change = b->numbers[BANK_CHANGE];
@@ -384,7 +352,7 @@ static void hear(Law *l, const double *x, const double *felt) {
         *b->until += b->numbers[BANK_DT];
         double best = b->said[b->n] = neither, total = 0.0;
         for (int i = 0; i < b->n; i++) {
-            l->level->tick(b->filters[i], b->seen);
+            TICK(l, b->filters[i], b->seen);
             best = most(best, b->said[i] = b->filters[i]->state[LAST_LOG_LIKELIHOOD]);
         }
         for (int i = 0; i <= b->n; i++) {
@@ -402,7 +370,7 @@ static void hear(Law *l, const double *x, const double *felt) {
 }
 
 /* Watch and RoleEvidence; 0, with neither done, for what must count as missing. */
-static int attend(Law *l, const double *x, const double *felt) {
+static inline int attend(Law *l, const double *x, const double *felt) {
     for (int i = 0; i < l->d && l->bank.n; i++)
         if (!(fabs(x[i]) < ABSURD && fabs(felt[i] - l->bias[i]) < ABSURD)) return 0;
     if (!watch(l, x, felt)) return 0;
@@ -411,7 +379,7 @@ static int attend(Law *l, const double *x, const double *felt) {
 }
 
 /* RoleSkill.step while it leads and means it; the tick at which it gives way, `_give_way_if_he_insists`, is left to it. */
-static int lead_on(Law *l, const double *x, const double *felt, double *const out[3]) {
+static inline int lead_on(Law *l, const double *x, const double *felt, double *const out[3]) {
     const Policy *than = &l->policy;
     const int d = l->d;
     double force[MOST_AXES], pull[MOST_AXES];
@@ -428,19 +396,19 @@ static int lead_on(Law *l, const double *x, const double *felt, double *const ou
     if (against_s >= than->insist_s || held_s >= than->held_s || !attend(l, x, felt)) return 0;
     lead_there(l, x, force, out);
     *l->against_s = against_s, *l->held_s = held_s;
-    memcpy(l->pull, pull, sizeof(double) * d);
-    memcpy(l->reference, l->wanted, sizeof(double) * d);
+    copy(l->pull, pull, d);
+    copy(l->reference, l->wanted, d);
     return 1;
 }
 
 /* RoleSkill._unfinished, not */
-static int finished(const Law *l) {
+static inline int finished(const Law *l) {
     const Table *t = l->tables + (int)(*l->told >= 0.0 ? *l->told : *l->where.goal);
     return !(remaining(t, *l->where.phase) - t->slack > l->policy.finished_m);
 }
 
 /* RoleSkill.step while it follows, and it is too early to ask whether anybody leads. */
-static int follow_on(Law *l, const double *x, const double *felt, double *const out[3]) {
+static inline int follow_on(Law *l, const double *x, const double *felt, double *const out[3]) {
     const Policy *policy = &l->policy;
     const double nothing[MOST_AXES] = {0};
     const int d = l->d;
@@ -458,8 +426,8 @@ static int follow_on(Law *l, const double *x, const double *felt, double *const 
     if (!attend(l, x, felt)) return 0;
     locate(l, x, l->velocity);
     l->shown_clock[PHASE] = *l->where.phase;
-    memcpy(l->position, x, sizeof(double) * d);
-    memcpy(l->pull, pull, sizeof(double) * d);
+    copy(l->position, x, d);
+    copy(l->pull, pull, d);
     *l->rest_s = rest_s, *l->moved = moved;
     for (int i = 0; i < d; i++) {
         if (resting && !moved) l->bias[i] += l->bias_share * pull[i];

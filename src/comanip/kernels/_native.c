@@ -935,8 +935,6 @@ static PyObject *lines_mean(PyObject *object, PyObject *const *args, Py_ssize_t 
 
 /* ---------------------------------------------------------------------------------------------- laws and envelope */
 
-#define MOST_AXES 6
-#define PI 3.14159265358979323846
 
 /* An array that comes again at every tick, taken once. Its exporter must be the array itself, as numpy's is, or another object might
  * one day sit at the same address. */
@@ -960,7 +958,10 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
 #pragma GCC push_options
 #pragma GCC optimize("fp-contract=off")
 #endif
+#define TICK(law, filter, xi) (law)->level->tick(filter, xi)
 #include "_layout.h"
+#include "_vectors.h"
+#include "_path.h"
 #include "_law.h"
 #include "_checker.h"
 #include "_envelope.h"
@@ -970,7 +971,7 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
 #pragma GCC pop_options
 #endif
 
-enum { POSITION, FORCE, COMMAND, LAW_SLOTS = COMMAND + 3 };
+enum { POSITION, FORCE, COMMAND, LAW_SLOTS = COMMAND + 3, OF_GOAL = 6 };
 
 typedef struct {
     PyObject_HEAD
@@ -1019,16 +1020,17 @@ static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch)
     return 0;
 }
 
-/* Rows of each goal's skills.reference.PhaseReference one after the other, and (rows, step_s, top_speed, slack_m) of each goal */
+/* Rows of each goal's skills.reference.PhaseReference one after the other, and (rows, step_s, top_speed, slack_m, extent_m,
+ * begins_m) of each goal */
 static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject *force, PyObject *way, PyObject *gain,
                        PyObject *goals) {
     Law *l = &self->law;
-    const Py_ssize_t rows = count_of(way), n = count_of(goals) / 4;
+    const Py_ssize_t rows = count_of(way), n = count_of(goals) / OF_GOAL;
     if (PyErr_Occurred()) return -1;
 #define TAKE(object, count) take(&self->arrays, object, 0, count, 8, #object)
     const double *x = TAKE(path, rows * l->d), *v = TAKE(velocity, rows * l->d), *f = TAKE(force, rows * l->d), *w = TAKE(way, rows);
     const double *k = TAKE(gain, rows);
-    const double *of_goal = TAKE(goals, n * 4);
+    const double *of_goal = TAKE(goals, n * OF_GOAL);
 #undef TAKE
     if (PyErr_Occurred()) return -1;
     l->n_goals = (int)n;
@@ -1038,16 +1040,47 @@ static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject 
         return -1;
     }
     Py_ssize_t at = 0;
-    for (Py_ssize_t g = 0; g < n; g++, of_goal += 4) {
+    for (Py_ssize_t g = 0; g < n; g++, of_goal += OF_GOAL) {
         const int some = (int)of_goal[0];
         if (some < 2 || some > rows - at) break;
-        l->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3],
-                               x + at * l->d, v + at * l->d, f + at * l->d, w + at, k + at};
+        l->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3], of_goal[4], of_goal[5],
+                               x + at * l->d, v + at * l->d, f + at * l->d, w + at, k + at, NULL, NULL, NULL};
         at += some;
     }
     if (n > 0 && at == rows) return 0;
     PyErr_SetString(PyExc_ValueError, "a law has a path of 2 rows or more to each goal");
     return -1;
+}
+
+/* (tables, ways, headings, grid, prior, memory) of skills.foresight.Foresight; the plans of each size lie together */
+static int take_foresight(Laws *self, PyObject *foresight) {
+    PyObject *tables, *ways, *headings, *grid, *prior, *memory;
+    Law *l = &self->law;
+    Foresight *f = &l->foresight;
+    int d = l->d, alike;
+    if (!PyArg_ParseTuple(foresight, "OOOOOOid", &tables, &ways, &headings, &grid, &prior, &memory, &alike, &f->keep)) return -1;
+    const Py_ssize_t plans = count_of(prior), rows = count_of(ways);
+    if (PyErr_Occurred()) return -1;
+#define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
+    const double *plan = TAKE(tables, 0, rows * 3 * d), *way = TAKE(ways, 0, rows), *heading = TAKE(headings, 0, l->n_goals * d);
+    f->sizes = TAKE(grid, 0, 3 * plans), f->prior = TAKE(prior, 0, plans);
+    double *own = TAKE(memory, 1, 4 * d + TOLD + 2 * plans);
+#undef TAKE
+    if (PyErr_Occurred()) return -1;
+    Py_ssize_t at = 0;
+    for (int g = 0; g < l->n_goals; at += l->tables[g++].rows) {
+        if (at + l->tables[g].rows > rows) break;
+        l->tables[g].plan = plan + at * 3 * d, l->tables[g].plan_way = way + at, l->tables[g].heading = heading + g * d;
+    }
+    if (at != rows || plans < 1 || alike < 1) {
+        PyErr_SetString(PyExc_ValueError, "the plans of all goals, one after the other");
+        return -1;
+    }
+    f->paces = f->sizes + plans, f->late = f->paces + plans;
+    f->start = own, f->felt = own + d, f->velocity = f->felt + d, f->acceleration = f->velocity + d, f->told = own + 4 * d;
+    f->phase = f->told + TOLD, f->p = f->phase + plans;
+    f->alike = alike, f->plans = (int)plans;
+    return 0;
 }
 
 /* stations, firsts, memory and goals of skills.whereabouts.Whereabouts */
@@ -1080,13 +1113,13 @@ static int take_where(Laws *self, PyObject *stations, PyObject *firsts, PyObject
 
 static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
     PyObject *filter, *numbers, *following, *policy, *compliance, *pace_memory, *memory, *until, *seen, *bank;
-    PyObject *path, *velocity, *force, *way, *gain, *goal_rows, *stations, *firsts, *where, *goals;
+    PyObject *path, *velocity, *force, *way, *gain, *goal_rows, *stations, *firsts, *where, *goals, *foresight;
     double dt, model_dt, pull_s, bias_s;
     int d;
     (void)keywords;
-    if (!PyArg_ParseTuple(args, "O!OOO(OOOOOO)OOOOO(OOOO)iddddO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
+    if (!PyArg_ParseTuple(args, "O!OOO(OOOOOO)OOOOO(OOOO)iddddOO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
                           &force, &way, &gain, &goal_rows, &compliance, &pace_memory, &memory, &until, &seen, &stations, &firsts, &where, &goals, &d, &dt, &model_dt, &pull_s, &bias_s,
-                          &bank))
+                          &bank, &foresight))
         return NULL;
     const int D = ((Filter *)filter)->tick.D;
     if (d < 1 || d > MOST_AXES || (D != d && D != 2 * d))
@@ -1104,7 +1137,7 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     l->seen = TAKE(seen, 1, D);
 #undef TAKE
     if (PyErr_Occurred() || take_tables(self, path, velocity, force, way, gain, goal_rows) < 0 || take_where(self, stations, firsts, where, goals) < 0 ||
-        (bank != Py_None && take_bank(self, bank, 3 * d, (Filter *)filter) < 0)) {
+        (foresight != Py_None && take_foresight(self, foresight) < 0) || (bank != Py_None && take_bank(self, bank, 3 * d, (Filter *)filter) < 0)) {
         Py_DecRef((PyObject *)self);
         return NULL;
     }

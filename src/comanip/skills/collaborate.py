@@ -280,7 +280,9 @@ class CollaborativeSkill(Copied):
         self._link()
 
     def _link(self) -> None:
-        self._compiled = compiled(self._watch, self._pace, self._compliance, self._where, self._memory, self._dt)
+        self._compiled = compiled(
+            self._watch, self._pace, self._compliance, self._where, self._memory, self._dt, foresight=self._foresight
+        )
         self._tick: Callable[..., bool] | None = None
         self._choose()
 
@@ -334,25 +336,21 @@ class CollaborativeSkill(Copied):
         self._choose()
 
     def step(self, obs: Observation, command: Command) -> None:
-        foresees, tick = self._foresees(obs), self._tick
-        if (
-            foresees
-            or tick is None
-            or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration)
-        ):
+        tick = self._tick
+        if tick is None or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration):
             self._step(obs, command)
 
-    def _foresees(self, obs: Observation) -> bool:
-        """Whether the partner goes as foreseen."""
+    def _foresees(self, obs: Observation) -> None:
+        """Whether the partner goes as foreseen; what is missing says nothing of that."""
         if self.role != "follower" or self._complies_only or self.law.foresight <= 0.0:
-            return False
-        if not (_finite(obs.position) and _finite(obs.force)):
-            return self._foresight.awake
-        velocity, force = self._compliance.velocity.tolist(), obs.force.tolist()
-        return self._foresight.hears(obs.position.tolist(), velocity, force, self.reference, self._where.phase)
+            return
+        if _finite(obs.position) and _finite(obs.force):
+            velocity, force = self._compliance.velocity.tolist(), obs.force.tolist()
+            self._foresight.hears(obs.position.tolist(), velocity, force, self.reference, self._where.phase)
 
     def _step(self, obs: Observation, command: Command) -> None:
         """The tick to read; the compiled one leaves it what is missing."""
+        self._foresees(obs)
         x = obs.position if _finite(obs.position) else np.where(np.isfinite(obs.position), obs.position, self._position)
         # a missing force is taken as none: the compliance then only dies away
         force = obs.force if _finite(obs.force) else np.where(np.isfinite(obs.force), obs.force, 0.0)
@@ -458,6 +456,7 @@ def compiled(
     pull_s: float = 1.0,
     bias_s: float = 1.0,
     bank: Any = None,
+    foresight: Foresight | None = None,
 ) -> Any:
     """The tick of a skill made of these parts, in C and over their arrays; None where nothing could be compiled.
 
@@ -469,7 +468,7 @@ def compiled(
     tables = tuple(
         np.concatenate([getattr(r, name) for r in pace.references]) for name in ("position", "velocity", "force", "way", "gain")
     )
-    goals = np.array([(len(r.way), r.step_s, r.top_speed, r.slack_m) for r in pace.references])
+    goals = np.array([(len(r.way), r.step_s, r.top_speed, r.slack_m, r.extent_m, r.begins_m) for r in pace.references])
 
     def by_name(law: CollaborativeLaw) -> Array:
         return layouts.packed("law", asdict(law))
@@ -478,6 +477,7 @@ def compiled(
         watch.filter.compiled, by_name(pace.law), by_name(following or pace.law), np.array(policy),
         (*tables, goals), compliance.memory, pace.memory, memory, watch.until, watch.seen,
         (where.stations, where.firsts, where.memory, where.goals), d, dt, watch.model_dt, pull_s, bias_s, bank,
+        foresight and foresight.shared(),
     )  # fmt: skip
 
 

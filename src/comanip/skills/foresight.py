@@ -23,11 +23,12 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from math import exp
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..interfaces import Array
+from ..kernels.copies import Copied
 from ..signals.vectors import dot, length
 from .reference import PhaseReference
 
@@ -56,7 +57,7 @@ MOST_PACE = 1.5  # of the taught top speed: nothing faster is foreseen
 
 
 STILL_S, TRIED, RESTLESSNESS, AWAKE, SURE, DEPARTS, NONE, WHICH = range(8)  # Foresight.memory, after four vectors
-GRID = np.stack([a.ravel() for a in np.meshgrid(SIZES, PACES, LATE_S, indexing="ij")])  # (3, plans): A, r, lateness
+GRID = np.stack([a.ravel() for a in np.meshgrid(SIZES, PACES, LATE_S, indexing="ij")]).copy()  # (3, plans): A, r, lateness
 
 
 class Plans(NamedTuple):
@@ -97,7 +98,7 @@ def _prior() -> Array:
 PRIOR = _prior()
 
 
-class Foresight:
+class Foresight(Copied):
     """What the partner means to do next along the path that was taught; see the module.
 
     velocity, acceleration   (d,) [m/s], [m/s^2] that the plans expect, mean over them; zero while nothing is foreseen
@@ -114,6 +115,12 @@ class Foresight:
         self._start, self._felt, self.velocity, self.acceleration = self.memory[: 4 * n_axes].reshape(4, n_axes)
         self._told, rest = self.memory[4 * n_axes : -2 * n], self.memory[-2 * n :]
         self._phase, self._p = rest.reshape(2, n)
+
+    def shared(self) -> tuple[Any, ...]:
+        """All of it, as kernels/_foresight.h takes it; of the paths that it was made for."""
+        tables, ways = (np.concatenate([getattr(one, name) for one in self.plans]) for name in ("table", "way"))
+        headings = np.array([one.heading for one in self.plans])
+        return tables, ways, headings, GRID, PRIOR, self.memory, len(PACES) * len(LATE_S), self._keep
 
     @property
     def awake(self) -> bool:
@@ -225,7 +232,7 @@ class Foresight:
 
 def _sum(values: Array) -> float:
     """In the order of the values: numpy's own sum takes them in pairs."""
-    return float(np.cumsum(values)[-1])
+    return 0.0 + float(np.cumsum(values)[-1])
 
 
 def _squares(off: Array) -> Array:
