@@ -31,6 +31,11 @@ enum { STILL_S_OF, TRIED, RESTLESSNESS, AWAKE, SURE, DEPARTS, NONE, WHICH, TOLD 
 #define PLAN_RESTS 0.015
 #define PLAN_RESTS_S 0.4
 
+static inline void lay_foresight(Foresight *f, int d, double *memory) {
+    f->start = memory, f->felt = memory + d, f->velocity = f->felt + d, f->acceleration = f->velocity + d, f->told = memory + 4 * d;
+    f->phase = f->told + TOLD, f->p = f->phase + f->plans;
+}
+
 static inline void nothing_foreseen(const Foresight *f, int d) {
     fill(f->velocity, 0.0, d);
     fill(f->acceleration, 0.0, d);

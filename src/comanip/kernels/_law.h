@@ -17,8 +17,10 @@ typedef struct { LAW(ONE_NUMBER) } Numbers; /* CollaborativeLaw */
 #define POLICY(X) \
     X(insist_n, insist_n) X(insist_ns_per_m, insist_ns_per_m) X(ahead_n, ahead_n) X(insist_s, insist_s) \
     X(held_m_per_s, held_m_per_s) X(resting_n, resting_n) X(resting_m_per_s, resting_m_per_s) \
-    X(start_patience_s, start_patience_s) X(midway_patience_s, midway_patience_s) X(finished_m, finished_m) X(held_s, held_s)
-typedef struct { POLICY(ONE_NUMBER) } Policy; /* of RolePolicy */
+    X(start_patience_s, start_patience_s) X(midway_patience_s, midway_patience_s) X(finished_m, finished_m) X(held_s, held_s) \
+    X(probe_n, probe_n) X(probe_m, probe_m) X(probe_s, probe_s) X(progress_m, progress_m) X(offers_at_start, offers_at_start) \
+    X(blend_s, blend_s)
+typedef struct { POLICY(ONE_NUMBER) } Policy; /* RolePolicy */
 
 #include "_foresight.h"
 
@@ -41,6 +43,7 @@ typedef struct { /* Whereabouts: `stations` rows of 3 d + 5 numbers; goal g has 
 
 typedef struct {
     int d, n_goals;
+    int heard; /* numbers that the filter of Watch takes; 0: there is none */
     double dt, model_dt, pull_share, bias_share, keep_shake;
     Numbers law, following;
     Policy policy;
@@ -56,6 +59,26 @@ typedef struct {
     Tick *filter;
     const Level *level;
 } Law;
+
+/* Compliance.memory, Pace.memory and the memory of the skill, as collaborate.memory says */
+static inline void lay_law(Law *l, double *compliance, double *pace, double *skill) {
+    const int d = l->d;
+    double **const paces[] = {&l->expected, &l->wanted, &l->offset, &l->clock};
+    double **const skills[] = {
+        &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->shown_clock,
+    };
+    l->compliance = compliance, l->slow = compliance + d, l->slower = l->slow + d, l->gripping = l->slower + d;
+    l->shake = l->gripping + d, l->went_on = l->shake + 1, l->turn = l->went_on + 1, l->turned = l->turn + 1;
+    for (int i = 0; i < 4; i++) *paces[i] = pace + i * d;
+    for (int i = 0; i < 8; i++) *skills[i] = skill + i * d;
+    l->rest_s = l->shown_clock + 2, l->moved = l->rest_s + 1, l->against_s = l->moved + 1, l->held_s = l->against_s + 1;
+    l->told = l->held_s + 1;
+}
+
+/* Whereabouts.memory */
+static inline void lay_where(Where *w, int d, double *memory) {
+    w->p = memory, w->offset = w->p + w->stations, w->until = w->offset + d, w->goal = w->until + 1, w->phase = w->goal + 1;
+}
 
 enum { PHASE, RATE, RESISTANCE, WAITS, FADED, FADING, LED, EASING, GOAL, GOING, CLOCKS }; /* Pace.clock */
 enum { AT_PHASE, SPACING, DOUBT, BREADTH, LOG_BREADTH, STATION };                 /* Whereabouts.stations, after 3 d vectors */
@@ -110,6 +133,19 @@ static inline void sample(const Law *l, const double *x, const double *v) {
     for (int m = 0; m < n; m++) w->p[m] = w->moved[m] / total;
 }
 
+/* Whereabouts._tell */
+static inline void tell(const Where *w, int n_goals) {
+    int goal = (int)*w->goal;
+    for (int g = 0; g < n_goals; g++) {
+        double total = 0.0;
+        for (int m = (int)w->first[g]; m < (int)w->first[g + 1]; m++) total += w->p[m];
+        w->goals[g] = total;
+    }
+    for (int g = 0; g < n_goals; g++)
+        if (w->goals[g] > w->goals[goal] + 0.1) goal = g;
+    *w->goal = goal;
+}
+
 /* Whereabouts.step, of finite numbers */
 static inline void locate(Law *l, const double *position, const double *velocity) {
     Where *w = &l->where;
@@ -122,19 +158,12 @@ static inline void locate(Law *l, const double *position, const double *velocity
         *w->until += WHERE_PERIOD;
         sample(l, x, v);
     }
-    int goal = (int)*w->goal;
-    for (int g = 0; g < l->n_goals; g++) {
-        double total = 0.0;
-        for (int m = (int)w->first[g]; m < (int)w->first[g + 1]; m++) total += w->p[m];
-        w->goals[g] = total;
-    }
-    for (int g = 0; g < l->n_goals; g++)
-        if (w->goals[g] > w->goals[goal] + 0.1) goal = g;
-    *w->goal = goal;
+    tell(w, l->n_goals);
+    const int goal = (int)*w->goal;
     int best = (int)w->first[goal];
     for (int m = best + 1; m < (int)w->first[goal + 1]; m++)
         if (w->p[m] > w->p[best]) best = m;
-    *w->phase = closest(l->tables + goal, d, x, w->rows[best * w->width + 3 * d + AT_PHASE]);
+    *w->phase = closest(l->tables + goal, d, x, w->rows[best * w->width + 3 * d + AT_PHASE], 0.15);
 }
 
 /* collaborate._left, _leaving */
@@ -278,10 +307,11 @@ static inline void send(Law *l, const Numbers *law, const double *x, const doubl
 /* Watch.step, at most one step of the filter; 0 where the filter leaves it to its twin. */
 static inline int watch(Law *l, const double *x, const double *force) {
     const int due = *l->until <= 1e-9;
+    if (!l->heard) return 1;
     if (due) {
         if (*l->until + l->model_dt <= 1e-9) return 0;
         copy(l->seen, x, l->d);
-        if (l->filter->D > l->d) copy(l->seen + l->d, force, l->d);
+        if (l->heard > l->d) copy(l->seen + l->d, force, l->d);
         if (!TICK(l, l->filter, l->seen)) return 0;
     }
     *l->until = (due ? *l->until + l->model_dt : *l->until) - l->dt;

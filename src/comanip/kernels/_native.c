@@ -1077,9 +1077,8 @@ static int take_foresight(Laws *self, PyObject *foresight) {
         return -1;
     }
     f->paces = f->sizes + plans, f->late = f->paces + plans;
-    f->start = own, f->felt = own + d, f->velocity = f->felt + d, f->acceleration = f->velocity + d, f->told = own + 4 * d;
-    f->phase = f->told + TOLD, f->p = f->phase + plans;
     f->alike = alike, f->plans = (int)plans;
+    lay_foresight(f, d, own);
     return 0;
 }
 
@@ -1101,7 +1100,7 @@ static int take_where(Laws *self, PyObject *stations, PyObject *firsts, PyObject
         return -1;
     }
     w->stations = (int)n;
-    w->p = kept_there, w->offset = w->p + n, w->until = w->offset + l->d, w->goal = w->until + 1, w->phase = w->goal + 1;
+    lay_where(w, l->d, kept_there);
     w->moved = malloc(2 * n * sizeof *w->moved);
     if (!w->moved) {
         PyErr_NoMemory();
@@ -1147,16 +1146,8 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     l->keep_shake = least(dt / 0.3, 1.0);
     l->pull_share = least(dt / pull_s, 1.0);
     l->bias_share = dt / bias_s;
-    l->compliance = of_compliance, l->slow = of_compliance + d, l->slower = l->slow + d, l->gripping = l->slower + d;
-    l->shake = l->gripping + d, l->went_on = l->shake + 1, l->turn = l->went_on + 1, l->turned = l->turn + 1;
-    double **const paces[] = {&l->expected, &l->wanted, &l->offset, &l->clock};
-    double **const skills[] = {
-        &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->shown_clock,
-    };
-    for (int i = 0; i < 4; i++) *paces[i] = of_pace + i * d;
-    for (int i = 0; i < 8; i++) *skills[i] = of_skill + i * d;
-    l->rest_s = l->shown_clock + 2, l->moved = l->rest_s + 1, l->against_s = l->moved + 1, l->held_s = l->against_s + 1;
-    l->told = l->held_s + 1;
+    lay_law(l, of_compliance, of_pace, of_skill);
+    l->heard = D;
     self->filter = Py_NewRef(filter);
     l->filter = &((Filter *)filter)->tick;
     l->level = ((Filter *)filter)->level;

@@ -23,10 +23,10 @@ static inline double remaining(const Table *t, double phase) {
     return t->way[t->rows - 1] - gone;
 }
 
-/* PhaseReference.closest, within 0.15 s */
-static inline double closest(const Table *t, int d, const double *position, double near) {
-    int low = (int)most((near - 0.15) / t->step_s, 0.0);
-    int high = (int)least((near + 0.15) / t->step_s, (double)t->rows) + 2;
+/* PhaseReference.closest */
+static inline double closest(const Table *t, int d, const double *position, double near, double reach) {
+    int low = (int)most((near - reach) / t->step_s, 0.0);
+    int high = (int)least((near + reach) / t->step_s, (double)t->rows) + 2;
     if (high > t->rows) high = t->rows;
     if (low > high - 1) low = high - 1;
     int best = low;

@@ -36,8 +36,9 @@ BLOCKS: dict[str, tuple[str, ...]] = {
     ),  # fields of skills.collaborate.CollaborativeLaw
     "policy": (
         "insist_n", "insist_ns_per_m", "ahead_n", "insist_s", "held_m_per_s", "resting_n", "resting_m_per_s",
-        "start_patience_s", "midway_patience_s", "finished_m", "held_s",
-    ),  # of skills.roles.RolePolicy
+        "start_patience_s", "midway_patience_s", "finished_m", "held_s", "probe_n", "probe_m", "probe_s", "progress_m",
+        "offers_at_start", "blend_s",
+    ),  # fields of skills.roles.RolePolicy
     "limits": (
         "v_max_m_per_s", "a_max_m_per_s2", "force_limit_n", "energy_j", "stuck_s", "stuck_m", "moving_m_per_s",
         "position_jump_m", "drift_m", "blocked_n", "blocked_s", "alone_n", "alone_s", "steady_n_s", "stands_m_per_s",

@@ -452,7 +452,7 @@ def compiled(
     dt: float,
     *,
     following: CollaborativeLaw | None = None,
-    policy: Sequence[float] = (0.0,) * 11,
+    policy: Sequence[float] = (0.0,) * len(layouts.BLOCKS["policy"]),
     pull_s: float = 1.0,
     bias_s: float = 1.0,
     bank: Any = None,
