@@ -9,7 +9,10 @@
     X(stuck_m, stuck_m) X(moving, moving_m_per_s) X(position_jump, position_jump_m) X(drift, drift_m) X(blocked_n, blocked_n) \
     X(blocked_s, blocked_s) X(alone_n, alone_n) X(alone_s, alone_s) X(steady_n_s, steady_n_s) X(stands, stands_m_per_s) \
     X(sink_m, sink_m) X(pushed_n, pushed_n) X(pushed_j, pushed_j) X(let_go_n, let_go_n) X(let_go_s, let_go_s) X(held_n, held_n) \
-    X(let_go_speed, let_go_m_per_s) X(tare_n, tare_n) X(jump_n, jump_n) X(jump_rest_s, jump_rest_s) X(dt, _dt) X(late, _late)
+    X(let_go_speed, let_go_m_per_s) X(tare_n, tare_n) X(jump_n, jump_n) X(jump_rest_s, jump_rest_s) \
+    X(jump_stays_s, jump_stays_s) X(comply_damping, comply_damping_ns_per_m) X(fade_s, fade_s) X(rest, rest_m_per_s) \
+    X(pull_n, pull_n) X(impact_s, impact_s) X(impact_n, impact_n) X(load_n, load_n) X(feel_s, feel_s) X(passed_s, passed_s) \
+    X(offer_s, offer_s) X(offer_n, offer_n) X(shake_n, shake_n) X(dt, _dt) X(late, _late) X(stale, _stale)
 typedef struct { LIMITS(ONE_NUMBER) } Limits;
 
 #define SCALARS(X) \
@@ -34,7 +37,7 @@ typedef struct { /* SCALARS, how many rows there are in the two memories of LetG
 } Ledger;
 
 typedef struct {
-    int d, most_pulls, most_before;
+    int d, most_pulls, most_before, swing; /* samples of one swing of the object */
     Limits limits;
     Rules rules;
     Axes low, high;
@@ -46,7 +49,6 @@ typedef struct {
 /* as in safety/detectors.py and safety/envelope.py */
 #define WEIGHED_TICKS 25
 #define STILL_S 0.15 /* most_before, less one, and SLOW_SWING_S is most_pulls */
-#define SWING_S 0.1
 #define QUIET_S 0.5
 #define LIGHT_N 0.5
 #define HANGS_N 4.0
@@ -72,7 +74,7 @@ static const double LACKS[2] = {0.02, 0.12}, TURNS[2] = {0.15, 0.3};
 static double load_of(const Ledger *l, int d) { return l->weighed >= WEIGHED_TICKS ? length(l->weight, d) : 0.0; }
 
 static void remember(double *rows, double *n, int most_rows, int d, const double *row) {
-    if (*n == most_rows) memmove(rows, rows + d, sizeof(double) * d * (most_rows - 1));
+    if (*n == most_rows) copy(rows, rows + d, d * (most_rows - 1)); /* forwards, so they may overlap */
     else *n += 1.0;
     copy(rows + ((int)*n - 1) * d, row, d);
 }
@@ -80,7 +82,7 @@ static void remember(double *rows, double *n, int most_rows, int d, const double
 /* Envelope._clock */
 static int timely(const Envelope *e, Ledger *l, double t) {
     const double step = t - l->stamp, period = most(t - l->time, 0.0);
-    if (!isfinite(t) || step < SAME_SAMPLE * e->limits.dt || period > e->limits.late + 1e-9) return 0;
+    if (!is_finite(t) || step < SAME_SAMPLE * e->limits.dt || period > e->limits.late + 1e-9) return 0;
     l->elapsed = step;
     l->time = most(t, l->time);
     l->stamp = t;
@@ -122,7 +124,7 @@ static int lives(const Envelope *e, Ledger *l, const double *sensed, double spee
             continue;
         }
         l->same_s[i] = l->same_m[i] = 0.0;
-        if (isfinite(change)) {
+        if (is_finite(change)) {
             l->changes[i] += 1.0;
             l->smallest[i] = least(l->smallest[i], change);
             l->usual[i] += (change - l->usual[i]) / least(l->changes[i], 100.0);
@@ -160,8 +162,7 @@ static int follows(const Envelope *e, Ledger *l) {
 /* LetGo.step with `pull` as its newest; `mean` is that of the last ones when there are enough, and then `measured`. */
 static int partner_holds(const Envelope *e, Ledger *l, double speed, const double *pull, double *mean, int *measured) {
     const Limits *limits = &e->limits;
-    const int swing = (int)most(nearbyint(SWING_S / limits->dt), 1.0);
-    const int d = e->d, n = (int)l->n_pulls, full = n == e->most_pulls;
+    const int swing = e->swing, d = e->d, n = (int)l->n_pulls, full = n == e->most_pulls;
     const double load = load_of(l, d);
     Axes slow;
     int alone = 0;

@@ -1205,14 +1205,14 @@ typedef struct {
 
 static PyObject *envelope_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
     PyObject *limits, *rules, *walls, *memory, *tank;
-    int d, most_pulls, most_before;
+    int d, most_pulls, most_before, swing;
     (void)keywords;
-    if (!PyArg_ParseTuple(args, "OOOOOiii", &limits, &rules, &walls, &memory, &tank, &d, &most_pulls, &most_before)) return NULL;
-    if (d < 1 || d > MOST_AXES || most_pulls < 1 || most_before < 1) return PyErr_Format(PyExc_ValueError, "1 to %d axes", MOST_AXES);
+    if (!PyArg_ParseTuple(args, "OOOOOiiii", &limits, &rules, &walls, &memory, &tank, &d, &most_pulls, &most_before, &swing)) return NULL;
+    if (d < 1 || d > MOST_AXES || most_pulls < 1 || most_before < 1 || swing < 1) return PyErr_Format(PyExc_ValueError, "1 to %d axes", MOST_AXES);
     Envelopes *self = (Envelopes *)PyType_GenericAlloc(type, 0);
     if (!self) return NULL;
     Envelope *e = &self->envelope;
-    *e = (Envelope){.d = d, .most_pulls = most_pulls, .most_before = most_before};
+    *e = (Envelope){.d = d, .most_pulls = most_pulls, .most_before = most_before, .swing = swing};
 #define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
     const double *numbers = TAKE(limits, 0, sizeof(Limits) / 8), *checked = TAKE(rules, 0, 3 + 2 * d), *bounds = TAKE(walls, 0, 2 * d);
     e->now = TAKE(memory, 1, sizeof(Ledger) / 8 + (most_pulls + most_before) * d);
