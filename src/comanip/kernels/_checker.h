@@ -7,7 +7,7 @@ typedef struct { double at[MOST_AXES], last[MOST_AXES]; } Commanded;
 #define SLACK 1e-9
 
 /* 1, with `c` moved on, when `velocity` after a timely period breaks no rule. */
-static int allowed(const Rules *r, Commanded *c, int d, double period, const double *velocity) {
+static inline int allowed(const Rules *r, Commanded *c, int d, double period, const double *velocity) {
     const double gain = r->a_max * period;
     double was = 0.0, now = 0.0, change = 0.0;
     Commanded next = *c;

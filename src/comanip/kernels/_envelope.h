@@ -71,16 +71,16 @@ typedef struct {
 
 static const double LACKS[2] = {0.02, 0.12}, TURNS[2] = {0.15, 0.3};
 
-static double load_of(const Ledger *l, int d) { return l->weighed >= WEIGHED_TICKS ? length(l->weight, d) : 0.0; }
+static inline double load_of(const Ledger *l, int d) { return l->weighed >= WEIGHED_TICKS ? length(l->weight, d) : 0.0; }
 
-static void remember(double *rows, double *n, int most_rows, int d, const double *row) {
+static inline void remember(double *rows, double *n, int most_rows, int d, const double *row) {
     if (*n == most_rows) copy(rows, rows + d, d * (most_rows - 1)); /* forwards, so they may overlap */
     else *n += 1.0;
     copy(rows + ((int)*n - 1) * d, row, d);
 }
 
 /* Envelope._clock */
-static int timely(const Envelope *e, Ledger *l, double t) {
+static inline int timely(const Envelope *e, Ledger *l, double t) {
     const double step = t - l->stamp, period = most(t - l->time, 0.0);
     if (!is_finite(t) || step < SAME_SAMPLE * e->limits.dt || period > e->limits.late + 1e-9) return 0;
     l->elapsed = step;
@@ -93,7 +93,7 @@ static int timely(const Envelope *e, Ledger *l, double t) {
 }
 
 /* Envelope._sense, but for what it watches */
-static int plausible(const Envelope *e, Ledger *l, const double *x, const double *f, const double *velocity) {
+static inline int plausible(const Envelope *e, Ledger *l, const double *x, const double *f, const double *velocity) {
     const Limits *limits = &e->limits;
     double speed = 0.0;
     for (int i = 0; i < e->d; i++) {
@@ -108,7 +108,7 @@ static int plausible(const Envelope *e, Ledger *l, const double *x, const double
 }
 
 /* Stuck.step of Envelope._readings */
-static int lives(const Envelope *e, Ledger *l, const double *sensed, double speed) {
+static inline int lives(const Envelope *e, Ledger *l, const double *sensed, double speed) {
     int stuck = 0;
     for (int i = 0; i < e->d; i++) {
         if (sensed[i] == sensed[i]) l->senses[i] = 1.0;
@@ -134,7 +134,7 @@ static int lives(const Envelope *e, Ledger *l, const double *sensed, double spee
 }
 
 /* Jump.step, while none is pending */
-static int steady_zero(const Envelope *e, Ledger *l, const double *sensed, int at_rest) {
+static inline int steady_zero(const Envelope *e, Ledger *l, const double *sensed, int at_rest) {
     if (!all_finite(sensed, e->d)) return 1;
     if (!all_finite(l->sensed, e->d)) {
         copy(l->sensed, sensed, e->d);
@@ -152,7 +152,7 @@ static int steady_zero(const Envelope *e, Ledger *l, const double *sensed, int a
 }
 
 /* Envelope._book */
-static int follows(const Envelope *e, Ledger *l) {
+static inline int follows(const Envelope *e, Ledger *l) {
     Axes way;
     for (int i = 0; i < e->d; i++) way[i] = l->v[i] * l->period, l->x[i] += way[i];
     l->energy = least(e->limits.energy, most(0.0, l->energy + dot(l->force, way, e->d)));
@@ -160,7 +160,7 @@ static int follows(const Envelope *e, Ledger *l) {
 }
 
 /* LetGo.step with `pull` as its newest; `mean` is that of the last ones when there are enough, and then `measured`. */
-static int partner_holds(const Envelope *e, Ledger *l, double speed, const double *pull, double *mean, int *measured) {
+static inline int partner_holds(const Envelope *e, Ledger *l, double speed, const double *pull, double *mean, int *measured) {
     const Limits *limits = &e->limits;
     const int swing = e->swing, d = e->d, n = (int)l->n_pulls, full = n == e->most_pulls;
     const double load = load_of(l, d);
@@ -186,7 +186,7 @@ static int partner_holds(const Envelope *e, Ledger *l, double speed, const doubl
 }
 
 /* Sinking.step and Envelope._sink */
-static int carried(const Envelope *e, Ledger *l) {
+static inline int carried(const Envelope *e, Ledger *l) {
     const int d = e->d;
     const double load = load_of(l, d), period = l->period;
     if (load > LIGHT_N) {
@@ -205,7 +205,7 @@ static int carried(const Envelope *e, Ledger *l) {
 }
 
 /* Pushed.step */
-static int led(const Envelope *e, Ledger *l, double speed) {
+static inline int led(const Envelope *e, Ledger *l, double speed) {
     const double along = speed > 0.0 ? dot(l->force, l->v, e->d) / speed : 0.0;
     l->push_peak = most(along, l->push_peak - l->period / PEAK_S * l->push_peak);
     const double beyond = along > YIELDS * l->push_peak ? along - e->limits.pushed_n : -e->limits.pushed_n;
@@ -214,7 +214,7 @@ static int led(const Envelope *e, Ledger *l, double speed) {
 }
 
 /* Envelope._press, _miss and what is left of _look */
-static int unremarkable(const Envelope *e, Ledger *l, double speed) {
+static inline int unremarkable(const Envelope *e, Ledger *l, double speed) {
     const Limits *limits = &e->limits;
     const int d = e->d;
     const double size = length(l->force, d), period = l->period, share = 1.0 - exp(-2.0 * PI * period);
@@ -235,7 +235,7 @@ static int unremarkable(const Envelope *e, Ledger *l, double speed) {
 }
 
 /* All that comes before the skill. */
-static int sense(Envelope *e, double t, const double *x, const double *f, const double *velocity, const double *raw) {
+static inline int sense(Envelope *e, double t, const double *x, const double *f, const double *velocity, const double *raw) {
     const int d = e->d;
     Ledger next = *e->now;
     Axes pull, mean, sensed;
@@ -255,13 +255,13 @@ static int sense(Envelope *e, double t, const double *x, const double *f, const 
     return 1;
 }
 
-static double cap(const Limits *limits, double room) {
+static inline double cap(const Limits *limits, double room) {
     const double a = limits->a_max;
     return room > 0.0 ? most(0.0, sqrt(2.0 * a * room) - 0.5 * a * limits->late) : 0.0;
 }
 
 /* Envelope._fastest */
-static double fastest(const Envelope *e, const Ledger *l, const double *velocity) {
+static inline double fastest(const Envelope *e, const Ledger *l, const double *velocity) {
     const double speed = length(velocity, e->d);
     double room = l->energy / e->limits.force_limit;
     for (int i = 0; i < e->d; i++) {
@@ -273,7 +273,7 @@ static double fastest(const Envelope *e, const Ledger *l, const double *velocity
 }
 
 /* Envelope._clip of what is `asked`; 0 where it has to brake. */
-static int clipped(const Envelope *e, const Ledger *l, const double *asked, double *v) {
+static inline int clipped(const Envelope *e, const Ledger *l, const double *asked, double *v) {
     const Limits *limits = &e->limits;
     const int d = e->d;
     const double load = load_of(l, d);
@@ -298,7 +298,7 @@ static int clipped(const Envelope *e, const Ledger *l, const double *asked, doub
 
 /* All that comes after it: Envelope._clip, the checker's judgement, Envelope._write. `wish` and `out` are position, velocity,
  * acceleration. */
-static int act(Envelope *e, const double *const wish[3], double *const out[3]) {
+static inline int act(Envelope *e, const double *const wish[3], double *const out[3]) {
     const Limits *limits = &e->limits;
     const int d = e->d;
     Ledger *l = e->now;

@@ -22,8 +22,6 @@ typedef struct { LAW(ONE_NUMBER) } Numbers; /* CollaborativeLaw */
     X(blend_s, blend_s)
 typedef struct { POLICY(ONE_NUMBER) } Policy; /* RolePolicy */
 
-#include "_foresight.h"
-
 typedef struct { /* RoleEvidence */
     int n, strengths; /* filters, and how many of them are one role */
     Tick **filters;
@@ -48,7 +46,7 @@ typedef struct {
     Numbers law, following;
     Policy policy;
     Bank bank;
-    Table *tables;
+    const Table *tables;
     Where where;
     Foresight foresight;
     double *compliance, *slow, *slower, *gripping, *shake, *went_on, *turn, *turned; /* Compliance.memory */
@@ -304,17 +302,16 @@ static inline void send(Law *l, const Numbers *law, const double *x, const doubl
     }
 }
 
-/* Watch.step, at most one step of the filter; 0 where the filter leaves it to its twin. */
+/* Watch.step; 0 where the filter leaves a step to its twin, who then goes on from there: what was heard is not heard again. */
 static inline int watch(Law *l, const double *x, const double *force) {
-    const int due = *l->until <= 1e-9;
     if (!l->heard) return 1;
-    if (due) {
-        if (*l->until + l->model_dt <= 1e-9) return 0;
+    while (*l->until <= 1e-9) {
         copy(l->seen, x, l->d);
         if (l->heard > l->d) copy(l->seen + l->d, force, l->d);
         if (!TICK(l, l->filter, l->seen)) return 0;
+        *l->until += l->model_dt;
     }
-    *l->until = (due ? *l->until + l->model_dt : *l->until) - l->dt;
+    *l->until -= l->dt;
     return 1;
 }
 
@@ -324,12 +321,12 @@ static inline void hear_motion(Law *l, const double *x, const double *force) {
     hears(&l->foresight, l->tables + goal, l->d, l->dt, goal, *l->where.phase, x, l->compliance, force);
 }
 
-/* CollaborativeSkill.step */
-static inline int follow(Law *l, const double *x, const double *force, double *const out[3], int anticipates) {
+/* CollaborativeSkill.step of a follower, or of who only complies; of a sample from which something is missing nothing is heard */
+static inline int follow(Law *l, const double *x, const double *force, double *const out[3], int anticipates, int hears_it) {
     const double nothing[MOST_AXES] = {0};
     double foreseen[MOST_AXES] = {0}, excess[MOST_AXES], departs = 0.0;
     if (!watch(l, x, force)) return 0;
-    if (anticipates && l->foresight.plans && l->law.foresight > 0.0) hear_motion(l, x, force);
+    if (anticipates && hears_it && l->foresight.plans && l->law.foresight > 0.0) hear_motion(l, x, force);
     copy(l->position, x, l->d);
     if (anticipates) anticipate(l, x, force, foreseen);
     if (l->foresight.plans) departs = l->foresight.told[DEPARTS] * l->law.moving_speed;

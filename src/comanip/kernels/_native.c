@@ -962,6 +962,7 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
 #include "_layout.h"
 #include "_vectors.h"
 #include "_path.h"
+#include "_foresight.h"
 #include "_law.h"
 #include "_checker.h"
 #include "_envelope.h"
@@ -976,6 +977,7 @@ enum { POSITION, FORCE, COMMAND, LAW_SLOTS = COMMAND + 3, OF_GOAL = 6 };
 typedef struct {
     PyObject_HEAD
     Law law;
+    Table *tables; /* law.tables */
     Arrays arrays;
     PyObject *filter, *bank;
     Array slots[LAW_SLOTS];
@@ -1034,8 +1036,8 @@ static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject 
 #undef TAKE
     if (PyErr_Occurred()) return -1;
     l->n_goals = (int)n;
-    l->tables = calloc(n > 0 ? n : 1, sizeof *l->tables);
-    if (!l->tables) {
+    l->tables = self->tables = calloc(n > 0 ? n : 1, sizeof *self->tables);
+    if (!self->tables) {
         PyErr_NoMemory();
         return -1;
     }
@@ -1043,7 +1045,7 @@ static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject 
     for (Py_ssize_t g = 0; g < n; g++, of_goal += OF_GOAL) {
         const int some = (int)of_goal[0];
         if (some < 2 || some > rows - at) break;
-        l->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3], of_goal[4], of_goal[5],
+        self->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3], of_goal[4], of_goal[5],
                                x + at * l->d, v + at * l->d, f + at * l->d, w + at, k + at, NULL, NULL, NULL};
         at += some;
     }
@@ -1070,7 +1072,7 @@ static int take_foresight(Laws *self, PyObject *foresight) {
     Py_ssize_t at = 0;
     for (int g = 0; g < l->n_goals; at += l->tables[g++].rows) {
         if (at + l->tables[g].rows > rows) break;
-        l->tables[g].plan = plan + at * 3 * d, l->tables[g].plan_way = way + at, l->tables[g].heading = heading + g * d;
+        self->tables[g].plan = plan + at * 3 * d, self->tables[g].plan_way = way + at, self->tables[g].heading = heading + g * d;
     }
     if (at != rows || plans < 1 || alike < 1) {
         PyErr_SetString(PyExc_ValueError, "the plans of all goals, one after the other");
@@ -1161,7 +1163,7 @@ static void law_dealloc(PyObject *object) {
     release(&self->arrays);
     free(self->law.bank.filters);
     free(self->law.bank.seen);
-    free(self->law.tables);
+    free(self->tables);
     free(self->law.where.moved);
     Py_XDECREF(self->filter);
     Py_XDECREF(self->bank);
@@ -1188,8 +1190,8 @@ static int law_takes(Laws *self, PyObject *const *args, Py_ssize_t n, const doub
         double *out[3];                                                                 \
         return PyBool_FromLong(law_takes((Laws *)object, args, n, &x, &force, out) && call); \
     }
-LAW_METHOD(comply, follow(l, x, force, out, 0))
-LAW_METHOD(follow, follow(l, x, force, out, 1))
+LAW_METHOD(comply, follow(l, x, force, out, 0, 0))
+LAW_METHOD(follow, follow(l, x, force, out, 1, 1))
 LAW_METHOD(lead, lead(l, x, force, out))
 LAW_METHOD(lead_on, lead_on(l, x, force, out))
 LAW_METHOD(follow_on, follow_on(l, x, force, out))

@@ -465,20 +465,24 @@ def compiled(
     d = len(pace.expected)
     if watch.filter.compiled is None or d > 6 or len(watch.seen) not in (d, 2 * d):
         return None
-    tables = tuple(
-        np.concatenate([getattr(r, name) for r in pace.references]) for name in ("position", "velocity", "force", "way", "gain")
-    )
-    goals = np.array([(len(r.way), r.step_s, r.top_speed, r.slack_m, r.extent_m, r.begins_m) for r in pace.references])
-
     def by_name(law: CollaborativeLaw) -> Array:
         return layouts.packed("law", asdict(law))
 
     return kernels.native.Law(
         watch.filter.compiled, by_name(pace.law), by_name(following or pace.law), np.array(policy),
-        (*tables, goals), compliance.memory, pace.memory, memory, watch.until, watch.seen,
+        tables_of(pace.references), compliance.memory, pace.memory, memory, watch.until, watch.seen,
         (where.stations, where.firsts, where.memory, where.goals), d, dt, watch.model_dt, pull_s, bias_s, bank,
         foresight and foresight.shared(),
     )  # fmt: skip
+
+
+def tables_of(references: Sequence[PhaseReference]) -> tuple[Array, ...]:
+    """Rows of all goals' position, velocity, force, way and gain, and of each goal what else kernels/_path.h knows of it."""
+    tables = tuple(
+        np.concatenate([getattr(r, name) for r in references]) for name in ("position", "velocity", "force", "way", "gain")
+    )
+    goals = [(len(r.way), r.step_s, r.top_speed, r.slack_m, r.extent_m, r.begins_m) for r in references]
+    return *tables, np.array(goals)
 
 
 def command_velocity(law: CollaborativeLaw, dt: float, x: Array, wanted: Array, velocity: Array, command: Command) -> None:
