@@ -37,6 +37,7 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
     "skills": {*BASE, "models"},
     "learned": {*BASE, "parts", "lessons", "models", "fitting", "skills", "parallel", "whole_file", "__version__"},
     "reproduction": {*BASE, "parts", "learned", "models", "skills", "safety"},
+    "export": {*BASE, "parts", "interaction", "learned", "models", "reproduction", "safety", "skills", "__version__"},
     "people": {*BASE, "parts"},
     "devices": BASE,
     "plants": {*BASE, "interaction", "people"},

@@ -37,8 +37,10 @@ Out = Annotated[Path, Parameter(name=["--out", "-o"])]
 if TYPE_CHECKING:
     PlantName: TypeAlias = str
     DeviceName: TypeAlias = str
+    ExportTarget: TypeAlias = str
 else:  # what there is, from the tables
     PlantName, DeviceName = Literal[tuple(parts.PLANTS)], Literal[tuple(parts.DEVICES)]
+    ExportTarget = Literal[tuple(parts.EXPORTS)]
 Plant = Annotated[PlantName, Parameter(help="beam: exact and fast; humanoid: in physics, needs mujoco.")]
 
 
@@ -253,6 +255,38 @@ def run(
 
     command.run(
         skill, robot, role, law, task, seed, shadow, limit, preflight_s, duration_s, goal, realtime, yes, out, overwrite, json
+    )
+
+
+@app.command
+def export(
+    skill: Annotated[list[Path], Parameter(consume_multiple=True)],
+    /,
+    *,
+    to: Annotated[ExportTarget, Parameter(help="c: one C99 file and its header; ctypes: a module beside it; ros2-control: a package.")] = "c",
+    role: Annotated[
+        Literal["leader", "follower", "auto"] | None,
+        Parameter(help="auto: the robot is told nothing; give skills of both roles."),
+    ] = None,
+    law: LearnedLaw | None = None,
+    dt: Annotated[float, Parameter(help="Control period [s] at which it will be called.")] = 0.01,
+    goal: Annotated[int | None, Parameter(help="Its number, where the lessons had several.")] = None,
+    mass_kg: Annotated[float, Parameter(help="Of the object, where the start does not weigh it.")] = 2.0,
+    load_share: Annotated[float, Parameter(help="Share of it that this hand carries.")] = 0.5,
+    tare_s: Annotated[float, Parameter(help="How long the resting object is weighed at the start.")] = 0.25,
+    force_delay_ms: Annotated[float, Parameter(help="By how much the force sensor comes later than the velocity.")] = 0.0,
+    gravity: Annotated[
+        str | None, Parameter(help="One number an axis [m/s^2], e.g. 0,0,-9.81; default: down the axis named z.")
+    ] = None,
+    out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="Default: the skill's name, here.")] = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Write a skill, its envelope and its force estimate as source without Python: comanip export skill.json --to c -o skill.c"""
+    from . import exporting as command
+
+    command.export(
+        skill, to, out, role, law, dt, goal, mass_kg, load_share, tare_s, force_delay_ms, gravity, overwrite, json
     )
 
 

@@ -40,16 +40,20 @@ def identifier(stem: str) -> str:
 
 
 def source(controller: Controller, *, name: str = "skill", self_test: str = "") -> Source:
-    """`self_test` is C that stands behind the rest under COMANIP_SELF_TEST; see `export.self_test`."""
+    """`name` is that of the files, without suffix; what they define begins with it, as far as it is an identifier.
+
+    self_test   C that stands behind the rest under COMANIP_SELF_TEST; see `export.self_test`
+    """
+    stem, name = name, identifier(name)
     numbers = numbers_of(controller)
     state = _state_doubles(numbers, len(controller.axes))
     if state * 8 > MOST_STATE_BYTES:
         raise ParameterError(
             f"this skill remembers {state * 8} bytes, a controller may {MOST_STATE_BYTES}: learn it with fewer goals or states"
         )
-    fields = _fields(controller, numbers, name, state)
-    header = _filled(HEADER, fields)
-    body = _filled(BODY, fields | {"KERNELS": _kernels(), "CONSTANTS": _constants(numbers), "SELF_TEST": self_test})
+    fields = {**_fields(controller, numbers, name, state), "FILE": stem}
+    header = filled(HEADER, fields)
+    body = filled(BODY, fields | {"KERNELS": _kernels(), "CONSTANTS": _constants(numbers), "SELF_TEST": self_test})
     return Source(body, header, state * 8)
 
 
@@ -59,7 +63,8 @@ def _kernels() -> str:
     return "\n".join((room / f"_{name}.h").read_text(encoding="utf-8").strip() + "\n" for name in KERNELS)
 
 
-def _filled(text: str, fields: dict[str, Any]) -> str:
+def filled(text: str, fields: dict[str, Any]) -> str:
+    """`text` with every @NAME@ replaced by the field of that name."""
     return re.sub(r"@(\w+)@", lambda found: str(fields[found.group(1)]), text)
 
 
@@ -83,7 +88,8 @@ def _numbers(values: Iterable[float], width: int = 118) -> str:
     return "\n".join(f"    {one.rstrip()}" for one in [*lines, line] if one.strip()).rstrip(",")
 
 
-def _array(name: str, values: Any) -> str:
+def array(name: str, values: Any) -> str:
+    """A constant array of C."""
     flat = np.asarray(values, dtype=float).ravel().tolist()
     return f"static const double {name}[{max(len(flat), 1)}] = {{\n{_numbers(flat or [0.0])}\n}};\n"
 
@@ -96,13 +102,13 @@ def _constants(n: Numbers) -> str:
     path, velocity, force, way, gain, goals = n.tables
     parts = [
         _struct("Numbers", "LEADING", n.laws[0]), _struct("Numbers", "FOLLOWING", n.laws[1]), _struct("Policy", "POLICY_", n.policy),
-        _struct("Limits", "LIMITS_", n.limits), _array("PATH", path), _array("PATH_VELOCITY", velocity), _array("PATH_FORCE", force),
-        _array("WAY", way), _array("GAIN", gain), _array("STATIONS", n.stations), _array("FIRSTS", n.firsts),
+        _struct("Limits", "LIMITS_", n.limits), array("PATH", path), array("PATH_VELOCITY", velocity), array("PATH_FORCE", force),
+        array("WAY", way), array("GAIN", gain), array("STATIONS", n.stations), array("FIRSTS", n.firsts),
     ]  # fmt: skip
     plans = dict(zip(("PLAN", "PLAN_WAY", "HEADING", "GRID", "PRIOR"), n.plans or ((),) * 5, strict=True))
-    parts += [_array(name, values) for name, values in plans.items() if n.plans or name in ("GRID", "PRIOR")]
+    parts += [array(name, values) for name, values in plans.items() if n.plans or name in ("GRID", "PRIOR")]
     names = ("ORIGIN", "FACTORS", "CENTRES", "PEAK", "INITIAL", "CHAIN")
-    parts += [_array(name, values) for name, values in zip(names, n.filter, strict=True)]
+    parts += [array(name, values) for name, values in zip(names, n.filter, strict=True)]
     *scalars, gravity, d, ticks, late, average = n.weighing
     inside = f"{_numbers(scalars)},\n    {{{_numbers(gravity).strip()}}}, {d}, {ticks}, {late}, {average}"
     parts.append(f"static const Weighing WEIGHING = {{\n{inside}\n}};\n")
@@ -174,7 +180,7 @@ def _reasons(name: str) -> str:
 
 
 HEADER = """\
-/* @NAME@: made by comanip @VERSION@ from a skill that was learned by demonstration. Do not edit; export again.
+/* @FILE@: made by comanip @VERSION@ from a skill that was learned by demonstration. Do not edit; export again.
  *
  * role @ROLE@, law "@LAW@", axes @AXIS_NAMES@ (task frame), control period @DT@ s
  * SHA-256 of the skill:
@@ -252,8 +258,8 @@ void @NAME@_weights(const @NAME@_state *state, double weights[@N_STATES@]);
 """
 
 BODY = """\
-/* @NAME@.c: see @NAME@.h. Made by comanip @VERSION@; do not edit. */
-#include "@NAME@.h"
+/* @FILE@.c: see @FILE@.h. Made by comanip @VERSION@; do not edit. */
+#include "@FILE@.h"
 
 #include <math.h>
 
@@ -352,6 +358,9 @@ void @NAME@_init(@NAME@_state *state) {
     static const @NAME@_state NOTHING_YET;
     Memory *m = memory_of(state);
     *state = NOTHING_YET;
+    Room room;
+    lay_out(&room, m);
+    filter_reset(&room.filter);
     m->skill[7 * D + 6] = @TOLD@;
     m->guard.mode = MODE_HOLD, m->guard.reason = REASON_NOT_STARTED;
 }

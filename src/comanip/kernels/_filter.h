@@ -5,6 +5,7 @@
  */
 
 #define HOPELESS_NATS 20.0
+#define HOPELESS_SHARE 2.0611536224385579e-09 /* exp(-20) */
 enum { FRESH, HOPELESS_TICKS, RESTARTS, LAST_LOG_LIKELIHOOD, LOG_LIKELIHOOD, FILTER_STATE };
 
 typedef struct Level Level; /* of the extension: which vectors there are */
@@ -35,23 +36,47 @@ static inline void filter_density(const Tick *t, const double *xi, double *log_b
     }
 }
 
+/* What the weights would be without evidence */
+static inline double filter_predicted(const Tick *t, int k) {
+    if (t->state[FRESH] != 0.0) return t->initial[k];
+    double sum = 0.0;
+    for (int j = 0; j < t->K; j++) sum += t->weights[j] * t->chain[j * t->K + k];
+    return sum;
+}
+
+/* h, its sum and its largest in logarithms, where products of densities would be lost; gives log of the scale that h was divided by */
+static inline double filter_faint(const Tick *t, double best) {
+    double top = -INFINITY;
+    for (int k = 0; k < t->K; k++) {
+        t->h[k] = most(t->log_b[k], best - t->gate) + log(most(t->h[k], 1e-300));
+        top = most(top, t->h[k]);
+    }
+    for (int k = 0; k < t->K; k++) t->h[k] = exp(t->h[k] - top);
+    return top;
+}
+
 /* StateFilter._step */
 static inline int filter_tick(const Tick *t, const double *xi) {
     const int K = t->K;
-    double best = -INFINITY, top = -INFINITY, total = 0.0;
+    double best = -INFINITY, total = 0.0, largest = 0.0, scale;
     filter_density(t, xi, t->log_b);
     for (int k = 0; k < K; k++) best = most(best, t->log_b[k]);
+    scale = best;
     for (int k = 0; k < K; k++) {
-        double predicted = t->state[FRESH] != 0.0 ? t->initial[k] : 0.0;
-        for (int j = 0; j < K && t->state[FRESH] == 0.0; j++) predicted += t->weights[j] * t->chain[j * K + k];
-        t->h[k] = most(t->log_b[k], best - t->gate) + log(most(predicted, 1e-300));
-        top = most(top, t->h[k]);
+        t->h[k] = filter_predicted(t, k) * exp(most(t->log_b[k] - best, -t->gate));
+        largest = most(largest, t->h[k]);
+        total += t->h[k];
     }
-    for (int k = 0; k < K; k++) t->h[k] = exp(t->h[k] - top), total += t->h[k];
+    if (!(total > 1e-250)) {
+        for (int k = 0; k < K; k++) t->h[k] = filter_predicted(t, k);
+        scale = filter_faint(t, best);
+        total = 0.0, largest = scale < best - HOPELESS_NATS ? 0.0 : 1.0;
+        for (int k = 0; k < K; k++) total += t->h[k];
+    }
     t->state[FRESH] = 0.0;
-    t->state[LAST_LOG_LIKELIHOOD] = top + log(total);
+    t->state[LAST_LOG_LIKELIHOOD] = scale + log(total);
     t->state[LOG_LIKELIHOOD] += t->state[LAST_LOG_LIKELIHOOD];
-    t->state[HOPELESS_TICKS] = top < best - HOPELESS_NATS ? t->state[HOPELESS_TICKS] + 1.0 : 0.0;
+    t->state[HOPELESS_TICKS] = largest < HOPELESS_SHARE ? t->state[HOPELESS_TICKS] + 1.0 : 0.0;
     if (t->state[HOPELESS_TICKS] >= t->patience) {
         t->state[HOPELESS_TICKS] = 0.0;
         t->state[RESTARTS] += 1.0;

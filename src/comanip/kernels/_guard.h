@@ -35,7 +35,9 @@
 #define ITS_REASON(name, text) REASON_##name,
 enum { REASONS(ITS_REASON) N_REASONS };
 
-enum { MODE_RUN, MODE_COMPLY, MODE_HOLD };
+#define MODE_RUN 0
+#define MODE_COMPLY 1
+#define MODE_HOLD 2
 
 /* as in safety/detectors.py and safety/situation.py */
 #define AGAIN_AS_LONG 20.0
