@@ -88,6 +88,8 @@ static int all_finite(const double *a, int d) {
     return 1;
 }
 
+#define MOST_FORESEEN 3.0 /* collaborate.MOST_FORESEEN */
+
 /* PhaseReference.floats_at */
 static void row_at(const Table *t, const double *table, int d, double phase, double *out) {
     const double place = within(phase / t->step_s, 0.0, (double)(t->rows - 1));
@@ -260,13 +262,13 @@ static void anticipate(Law *l, const double *x, const double *force, double *for
     row_at(t, t->velocity, d, s, now);
     const double usual = most(length(now, d), 0.03);
     row_at(t, t->velocity, d, s + law->anticipation_s * least(speed / usual, 2.0), ahead);
-    const double along = dot(force, l->compliance, d) / speed;
-    double agreement = within((along + 1.0) / 2.0, 0.0, 1.0);
-    agreement *= most(dot(now, l->compliance, d), 0.0) / most(length(now, d) * speed, 1e-9);
+    double agreement = most(dot(now, l->compliance, d), 0.0) / most(length(now, d) * speed, 1e-9);
     agreement *= least(speed / law->moving_speed, 1.0);
     const double scale = least(speed / usual, 1.5);
     for (int i = 0; i < d; i++) foreseen[i] = (ahead[i] - now[i]) / law->anticipation_s * scale;
-    agreement *= law->anticipation / most(length(foreseen, d), 1.0);
+    const double asked = length(foreseen, d);
+    agreement *= within((dot(force, foreseen, d) / most(asked, 1e-9) + 1.0) / 2.0, 0.0, 1.0);
+    agreement *= law->anticipation / most(asked / MOST_FORESEEN, 1.0);
     for (int i = 0; i < d; i++) foreseen[i] = agreement * foreseen[i];
 }
 

@@ -40,6 +40,7 @@ ROLES = ("leader", "follower")
 FADES_S, FADES_BELOW = 1.0, 0.7  # an offset from the path fades in so long at least, and below this share of the taught top speed
 EASES_S = 0.8  # who enters where lessons were in motion comes up to their speed in this time,
 BEGINS_S = 0.3  # and where they began, in this: what counts as motion in a lesson begins at a few per cent of its speed, not at 0
+MOST_FORESEEN = 3.0  # [m/s^2] of acceleration that is anticipated; quick strokes have 2
 SAID_M = 0.05  # an offset that is worth saying
 LATEST = 1.8  # times as long as taught a leader may take: long motions at the slowest clock would outlast the partner's patience
 
@@ -53,7 +54,7 @@ class CollaborativeLaw:
     resting_damping_ns_per_m: float = 80.0
     moving_speed_m_per_s: float = 0.05  # from here on the hand counts as fully in motion
     dead_zone_n: float = 0.4  # at rest only
-    anticipation: float = 0.3  # share of the foreseen acceleration that the follower adds by itself
+    anticipation: float = 0.45  # share of the foreseen acceleration that the follower adds by itself
     anticipation_s: float = 0.05
     foresight: float = 0.6  # share of what the plans expect that the follower does by itself
     attraction_per_s: float = 4.0  # lambda, leader
@@ -383,14 +384,14 @@ class CollaborativeSkill:
         now = reference.floats_at("velocity", s)
         usual = max(length(now), 0.03)
         ahead = reference.floats_at("velocity", s + law.anticipation_s * min(speed / usual, 2.0))
-        # a partner who brakes switches it off, and so does one who goes another way than was taught here
-        along = dot(force.tolist(), velocity) / speed
-        agreement = min(max((along + 1.0) / 2.0, 0.0), 1.0)
-        agreement *= max(dot(now, velocity), 0.0) / max(length(now) * speed, 1e-9)
+        # a partner who goes another way than was taught here switches it off, and so does one who pulls against it
+        agreement = max(dot(now, velocity), 0.0) / max(length(now) * speed, 1e-9)
         agreement *= min(speed / law.moving_speed_m_per_s, 1.0)
         scale = min(speed / usual, 1.5)
         foreseen = [(a - n) / law.anticipation_s * scale for a, n in zip(ahead, now, strict=True)]
-        agreement *= law.anticipation / max(length(foreseen), 1.0)  # of 1 m/s^2 at most
+        asked = length(foreseen)
+        agreement *= min(max((dot(force.tolist(), foreseen) / max(asked, 1e-9) + 1.0) / 2.0, 0.0), 1.0)
+        agreement *= law.anticipation / max(asked / MOST_FORESEEN, 1.0)
         for i, a in enumerate(foreseen):
             self._foreseen[i] = agreement * a
         return self._foreseen
