@@ -6,7 +6,7 @@
 
 #define LAW(X) \
     X(mass, virtual_mass_kg) X(moving_damping, moving_damping_ns_per_m) X(resting_damping, resting_damping_ns_per_m) \
-    X(moving_speed, moving_speed_m_per_s) X(dead_zone, dead_zone_n) X(anticipation, anticipation) \
+    X(untaught_damping, untaught_damping_ns_per_m) X(moving_speed, moving_speed_m_per_s) X(dead_zone, dead_zone_n) X(anticipation, anticipation) \
     X(anticipation_s, anticipation_s) X(foresight, foresight) X(attraction, attraction_per_s) X(start_delay, start_delay_s) \
     X(comfortable, comfortable_n) X(yield_gain, yield_gain_per_n) X(slowest_clock, slowest_clock) X(patience, patience_s) \
     X(reach, reach_m) X(max_acceleration, max_acceleration_m_per_s2) X(shake_hz, shake_hz) X(shake_n, shake_n) \
@@ -32,7 +32,7 @@ enum { BANK_DT, BANK_CHANGE, BANK_MEMORY, BANK_GATE };
 
 typedef struct { /* PhaseReference: one goal's path, (rows, d) each; way, gain (rows) */
     int rows;
-    double step_s, duration_s, top_speed, slack;
+    double step_s, duration_s, top_speed, slack, place;
     const double *path, *velocity, *force, *way, *gain;
 } Table;
 
@@ -53,7 +53,7 @@ typedef struct {
     Where where;
     double *compliance, *slow, *slower, *gripping, *shake, *went_on, *turn, *turned; /* Compliance.memory */
     double *expected, *wanted, *offset, *clock;   /* Pace.memory */
-    double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock, *rest_s, *moved, *against_s,
+    double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *taught, *shown_clock, *rest_s, *moved, *against_s,
         *held_s, *told;                           /* of the skill */
     double *until, *seen;                         /* of Watch */
     Tick *filter;
@@ -69,6 +69,9 @@ enum { AT_PHASE, SPACING, DOUBT, BREADTH, LOG_BREADTH, STATION };               
 #define ASTRAY 1e-6
 #define WHERE_SLIPS 0.1
 #define LATEST 1.8
+#define PLACES 200 /* of skills/reference.py */
+#define MOST_FORESEEN 3.0
+#define AS_SLOW 4.0
 
 static double least(double a, double b) { return b < a ? b : a; }
 static double most(double a, double b) { return b > a ? b : a; }
@@ -88,7 +91,6 @@ static int all_finite(const double *a, int d) {
     return 1;
 }
 
-#define MOST_FORESEEN 3.0 /* collaborate.MOST_FORESEEN */
 
 /* PhaseReference.floats_at */
 static void row_at(const Table *t, const double *table, int d, double phase, double *out) {
@@ -96,6 +98,24 @@ static void row_at(const Table *t, const double *table, int d, double phase, dou
     const int n = (int)place < t->rows - 2 ? (int)place : t->rows - 2;
     const double share = place - n;
     for (int i = 0; i < d; i++) out[i] = (1.0 - share) * table[n * d + i] + share * table[(n + 1) * d + i];
+}
+
+/* PhaseReference.that_way */
+static void that_way(const Table *t, int d, const double *x, const double *velocity, double *taught) {
+    const int every = 1 + t->rows / PLACES;
+    const double speed = length(velocity, d);
+    double fastest = 0.0;
+    for (int n = 0; n < t->rows && !(speed < 1e-6); n += every) {
+        double far = 0.0, along = 0.0;
+        for (int i = 0; i < d; i++) {
+            const double off = t->path[n * d + i] - x[i];
+            far += off * off;
+            along += t->velocity[n * d + i] * velocity[i];
+        }
+        if (far < t->place * t->place) fastest = most(fastest, along);
+    }
+    const double share = speed < 1e-6 ? 0.0 : fastest / (speed * speed);
+    for (int i = 0; i < d; i++) taught[i] = velocity[i] * share;
 }
 
 /* PhaseReference.remaining_m */
@@ -258,6 +278,7 @@ static void anticipate(Law *l, const double *x, const double *force, double *for
     const double before = l->shown_clock[PHASE], s = *l->where.phase, speed = length(l->compliance, d);
     l->shown_clock[RATE] = (s - before) / l->dt;
     l->shown_clock[PHASE] = s;
+    that_way(t, d, x, l->compliance, l->taught);
     if (speed < 0.02) return;
     row_at(t, t->velocity, d, s, now);
     const double usual = most(length(now, d), 0.03);
@@ -280,12 +301,18 @@ static void beyond(const double *values, double *slow, double keep, int d, doubl
     }
 }
 
+/* collaborate.untaught */
+static double untaught(const double *velocity, const double *taught, int d) {
+    return most(1.0 - AS_SLOW * length(taught, d) / most(length(velocity, d), 1e-6), 0.0);
+}
+
 /* Compliance.step; `moving` is the larger of the compliance's speed and the reference's, or what `at_least_going` says */
-static void comply(Law *l, const Numbers *law, const double *excess, double moving, const double *feedforward) {
+static void comply(Law *l, const Numbers *law, const double *excess, double moving, double untaught, const double *feedforward) {
     const int d = l->d;
     const double keep_slow = 1.0 - exp(-2.0 * PI * law->shake_hz * l->dt), keep_grip = 1.0 - exp(-2.0 * PI * law->grip_hz * l->dt);
     const double rest = 1.0 - least(moving / law->moving_speed, 1.0);
     double damping = law->moving_damping + rest * rest * (law->resting_damping - law->moving_damping);
+    damping += untaught * law->untaught_damping;
     double quick[MOST_AXES], fast[MOST_AXES], faster[MOST_AXES];
     beyond(excess, l->slow, keep_slow, d, quick);
     beyond(quick, l->slower, keep_slow, d, fast);
@@ -338,7 +365,7 @@ static int follow(Law *l, const double *x, const double *force, double *const ou
     memcpy(l->position, x, sizeof(double) * l->d);
     if (anticipates) anticipate(l, x, force, foreseen);
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->shown_expected[i];
-    comply(l, &l->law, excess, length(l->compliance, l->d), foreseen);
+    comply(l, &l->law, excess, length(l->compliance, l->d), anticipates ? untaught(l->compliance, l->taught, l->d) : 0.0, foreseen);
     send(l, &l->law, x, nothing, out);
     return 1;
 }
@@ -358,8 +385,9 @@ static void lead_there(Law *l, const double *x, const double *force, double *con
     pace(l, x, force);
     memcpy(l->shown_clock, l->clock, sizeof(double) * 2);
     memcpy(l->shown_expected, l->expected, sizeof(double) * l->d);
+    memcpy(l->taught, l->wanted, sizeof(double) * l->d);
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->expected[i];
-    comply(l, &l->law, excess, at_least_going(l), nothing);
+    comply(l, &l->law, excess, at_least_going(l), 0.0, nothing);
     send(l, &l->law, x, l->wanted, out);
 }
 
@@ -460,6 +488,7 @@ static int follow_on(Law *l, const double *x, const double *felt, double *const 
     if (!attend(l, x, felt)) return 0;
     locate(l, x, l->velocity);
     l->shown_clock[PHASE] = *l->where.phase;
+    that_way(l->tables + (int)*l->where.goal, d, x, l->velocity, l->taught);
     memcpy(l->position, x, sizeof(double) * d);
     memcpy(l->pull, pull, sizeof(double) * d);
     *l->rest_s = rest_s, *l->moved = moved;
@@ -467,7 +496,7 @@ static int follow_on(Law *l, const double *x, const double *felt, double *const 
         if (resting && !moved) l->bias[i] += l->bias_share * pull[i];
         force[i] -= l->shown_expected[i];
     }
-    comply(l, &l->following, force, length(l->compliance, d), nothing);
+    comply(l, &l->following, force, length(l->compliance, d), untaught(l->compliance, l->taught, d), nothing);
     send(l, &l->following, x, nothing, out);
     return 1;
 }

@@ -1019,16 +1019,16 @@ static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch)
     return 0;
 }
 
-/* Rows of each goal's skills.reference.PhaseReference one after the other, and (rows, step_s, top_speed, slack_m) of each goal */
+/* Rows of each goal's skills.reference.PhaseReference one after the other, and (rows, step_s, top_speed, slack_m, place_m) of each goal */
 static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject *force, PyObject *way, PyObject *gain,
                        PyObject *goals) {
     Law *l = &self->law;
-    const Py_ssize_t rows = count_of(way), n = count_of(goals) / 4;
+    const Py_ssize_t rows = count_of(way), n = count_of(goals) / 5;
     if (PyErr_Occurred()) return -1;
 #define TAKE(object, count) take(&self->arrays, object, 0, count, 8, #object)
     const double *x = TAKE(path, rows * l->d), *v = TAKE(velocity, rows * l->d), *f = TAKE(force, rows * l->d), *w = TAKE(way, rows);
     const double *k = TAKE(gain, rows);
-    const double *of_goal = TAKE(goals, n * 4);
+    const double *of_goal = TAKE(goals, n * 5);
 #undef TAKE
     if (PyErr_Occurred()) return -1;
     l->n_goals = (int)n;
@@ -1038,10 +1038,10 @@ static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject 
         return -1;
     }
     Py_ssize_t at = 0;
-    for (Py_ssize_t g = 0; g < n; g++, of_goal += 4) {
+    for (Py_ssize_t g = 0; g < n; g++, of_goal += 5) {
         const int some = (int)of_goal[0];
         if (some < 2 || some > rows - at) break;
-        l->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3],
+        l->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3], of_goal[4],
                                x + at * l->d, v + at * l->d, f + at * l->d, w + at, k + at};
         at += some;
     }
@@ -1099,7 +1099,7 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     const double *given = TAKE(numbers, 0, sizeof(Numbers) / 8), *followed = TAKE(following, 0, sizeof(Numbers) / 8);
     const double *conduct = TAKE(policy, 0, sizeof(Policy) / 8);
     double *of_compliance = TAKE(compliance, 1, 4 * d + 4), *of_pace = TAKE(pace_memory, 1, 3 * d + CLOCKS);
-    double *of_skill = TAKE(memory, 1, 7 * d + 7);
+    double *of_skill = TAKE(memory, 1, 8 * d + 7);
     l->until = TAKE(until, 1, 1);
     l->seen = TAKE(seen, 1, D);
 #undef TAKE
@@ -1118,10 +1118,10 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     l->shake = l->gripping + d, l->went_on = l->shake + 1, l->turn = l->went_on + 1, l->turned = l->turn + 1;
     double **const paces[] = {&l->expected, &l->wanted, &l->offset, &l->clock};
     double **const skills[] = {
-        &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->shown_clock,
+        &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->taught, &l->shown_clock,
     };
     for (int i = 0; i < 4; i++) *paces[i] = of_pace + i * d;
-    for (int i = 0; i < 8; i++) *skills[i] = of_skill + i * d;
+    for (int i = 0; i < 9; i++) *skills[i] = of_skill + i * d;
     l->rest_s = l->shown_clock + 2, l->moved = l->rest_s + 1, l->against_s = l->moved + 1, l->held_s = l->against_s + 1;
     l->told = l->held_s + 1;
     self->filter = Py_NewRef(filter);
@@ -1170,7 +1170,7 @@ LAW_METHOD(lead, lead(l, x, force, out))
 LAW_METHOD(lead_on, lead_on(l, x, force, out))
 LAW_METHOD(follow_on, follow_on(l, x, force, out))
 
-enum { FELT = 0, WISH = 4, SENT = WISH + 3, ENVELOPE_SLOTS = SENT + 3 }; /* FELT: position, force, velocity, sensor_force */
+enum { FELT = 0, N_FELT = 5, WISH = N_FELT, SENT = WISH + 3, ENVELOPE_SLOTS = SENT + 3 }; /* FELT: as in `envelope_sense` */
 
 typedef struct {
     PyObject_HEAD
@@ -1219,14 +1219,14 @@ static void envelope_dealloc(PyObject *object) {
     Py_DecRef((PyObject *)type);
 }
 
-/* (time, position, force, velocity, sensor_force) */
+/* (time, position, force, velocity, sensor_force, taught) */
 static PyObject *envelope_sense(PyObject *object, PyObject *const *args, Py_ssize_t n) {
     Envelopes *self = (Envelopes *)object;
-    const double *felt[4];
-    if (n != 5 || !PyFloat_Check(args[0])) Py_RETURN_FALSE;
-    for (int i = 0; i < 4; i++)
+    const double *felt[N_FELT];
+    if (n != 1 + N_FELT || !PyFloat_Check(args[0])) Py_RETURN_FALSE;
+    for (int i = 0; i < N_FELT; i++)
         if (!(felt[i] = kept(&self->slots[FELT + i], args[1 + i], self->envelope.d, 0))) Py_RETURN_FALSE;
-    return PyBool_FromLong(sense(&self->envelope, PyFloat_AsDouble(args[0]), felt[0], felt[1], felt[2], felt[3]));
+    return PyBool_FromLong(sense(&self->envelope, PyFloat_AsDouble(args[0]), felt[0], felt[1], felt[2], felt[3], felt[4]));
 }
 
 /* position, velocity, acceleration of the skill's command and of that to be sent */

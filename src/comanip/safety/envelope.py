@@ -78,6 +78,7 @@ class Envelope(Situation, Bounds):
         self._frozen: dict[str, Array] | None = None
         self._ordinary: Any = None  # Ordinary, where it was compiled
         self._is_lent = self._ran = False
+        self._taught = self._taught_by(skill)
         self._restart(0.0, [0.0] * d)
         self._fault("not started")
         if kernels.native is not None and d <= MOST_AXES:
@@ -174,9 +175,14 @@ class Envelope(Situation, Bounds):
             return f"policy: {error!r}"
         self._take_back()
         self._frozen = {name: array.copy() for name, array in shown.items()}
-        self.skill = skill
+        self.skill, self._taught = skill, self._taught_by(skill)
         self._confidence[0] = 0.0
         return ""
+
+    def _taught_by(self, skill: Skill) -> Array:
+        """(d,) [m/s] How fast lessons went where the hand is, as the skill says each tick; 0 of one that does not know."""
+        taught = getattr(skill, "taught", None)
+        return taught if isinstance(taught, np.ndarray) and taught.shape == (self._d,) else np.zeros(self._d)
 
     def _enter(self, obs: Observation, resumes: bool) -> None:
         """The skill from rest where the arm is; `resumes`: in the part of the task in which it was, if it knows how to."""
@@ -288,7 +294,7 @@ class Envelope(Situation, Bounds):
         """An ordinary tick is compiled, but for the skill's own; where there is anything to say, it is said here."""
         ordinary, inner = self._ordinary, self._inner
         plain = self._is_lent and self._tells is None and self._timer is None and not obs.time - obs.force_time > self._stale
-        if plain and ordinary.sense(obs.time, obs.position, obs.force, obs.velocity, obs.sensor_force):
+        if plain and ordinary.sense(obs.time, obs.position, obs.force, obs.velocity, obs.sensor_force, self._taught):
             try:
                 self.skill.step(obs, inner)
                 if self._is_lent and ordinary.act(  # not lent any more: the skill has looked at its envelope

@@ -56,7 +56,8 @@ class Situation:
 
     def _sink(self: Any, period: float) -> None:
         """Down with a partner who carries too little: a few centimetres, and then no farther."""
-        self._sinking.step(self._let_go.weight, self._let_go.load, self._force, self._v, period)
+        taught = self._taught.tolist()
+        self._sinking.step(self._let_go.weight, self._let_go.load, self._force, self._v, taught, period)
         ends = self._sinking.hangs and self._sinking.sunk > SUNK * self.limits.sink_m
         self._sinks_s = self._sinks_s + period if ends else 0.0
         if self._sinks_s > SINKS_S:

@@ -41,6 +41,7 @@ FADES_S, FADES_BELOW = 1.0, 0.7  # an offset from the path fades in so long at l
 EASES_S = 0.8  # who enters where lessons were in motion comes up to their speed in this time,
 BEGINS_S = 0.3  # and where they began, in this: what counts as motion in a lesson begins at a few per cent of its speed, not at 0
 MOST_FORESEEN = 3.0  # [m/s^2] of acceleration that is anticipated; quick strokes have 2
+AS_SLOW = 4.0
 SAID_M = 0.05  # an offset that is worth saying
 LATEST = 1.8  # times as long as taught a leader may take: long motions at the slowest clock would outlast the partner's patience
 
@@ -52,6 +53,7 @@ class CollaborativeLaw:
     virtual_mass_kg: float = 3.3
     moving_damping_ns_per_m: float = 3.0
     resting_damping_ns_per_m: float = 80.0
+    untaught_damping_ns_per_m: float = 20.0  # follower: where lessons never went that way; who has come to the end swings back
     moving_speed_m_per_s: float = 0.05  # from here on the hand counts as fully in motion
     dead_zone_n: float = 0.4  # at rest only
     anticipation: float = 0.45  # share of the foreseen acceleration that the follower adds by itself
@@ -273,8 +275,8 @@ class CollaborativeSkill:
         self._compliance = Compliance(d, dt)
         self._foresight = Foresight(dt, d)
         self._memory = memory(d)
-        self._expected, self._velocity, self._position, *_ = self._memory[: 7 * d].reshape(7, d)
-        self._phase, self._rate, *_ = self._memory[7 * d :].reshape(7, 1)
+        self._expected, self._velocity, self._position, *_, self.taught = self._memory[: 8 * d].reshape(8, d)
+        self._phase, self._rate, *_ = self._memory[8 * d :].reshape(7, 1)
         self._compiled = compiled(self._watch, self._pace, self._compliance, self._where, self._memory, dt)
         self._tick: Callable[..., bool] | None = None
         self._complies_only, self._outside = False, 0.0
@@ -348,7 +350,7 @@ class CollaborativeSkill:
         force = obs.force if _finite(obs.force) else np.where(np.isfinite(obs.force), obs.force, 0.0)
         self._position[:] = x
         self._watch.step(x, obs.force)
-        going = None
+        going, astray = None, 0.0
         if self._complies_only:
             feedforward, reference = self._nothing, self._nothing
         elif self.role == "leader":
@@ -356,8 +358,9 @@ class CollaborativeSkill:
             going = self._pace.going
         else:
             feedforward, reference = self._anticipate(x, force), self._nothing
+            astray = untaught(self._compliance.velocity, self.taught)
         departs = self._foresight.departs * self.law.moving_speed_m_per_s
-        self._compliance.step(self.law, force - self._expected, reference, feedforward, departs, going)
+        self._compliance.step(self.law, force - self._expected, reference, feedforward, departs, going, astray)
         command_velocity(self.law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
     def _lead(self, x: Array, force: Array) -> Array:
@@ -365,6 +368,7 @@ class CollaborativeSkill:
         pace.step(x, force)
         self._phase[0], self._rate[0] = pace.phase, pace.rate
         self._expected[:] = pace.expected
+        self.taught[:] = pace.velocity
         return pace.velocity
 
     def _anticipate(self, x: Array, force: Array) -> Array:
@@ -374,6 +378,7 @@ class CollaborativeSkill:
         reference, s = self._pace.references[self._where.goal], self._where.phase
         self._rate[0] = (s - float(self._phase[0])) / self._dt
         self._phase[0] = s
+        self.taught[:] = reference.that_way(x, self._compliance.velocity)
         speed = length(velocity)
         if self._foresight.awake:
             self._foresight.step(x.tolist(), velocity)
@@ -407,6 +412,11 @@ class CollaborativeSkill:
         return self._foreseen
 
 
+def untaught(velocity: Array, taught: Array) -> float:
+    """In [0, 1]: whether lessons never went that way there, or `AS_SLOW` times as slowly; both (d,) [m/s]."""
+    return max(1.0 - AS_SLOW * length(taught.tolist()) / max(length(velocity.tolist()), 1e-6), 0.0)
+
+
 def believable(position: Array) -> Array:
     """Where the hand begins: a missing coordinate is 0, and none is so large that its square is no number."""
     return np.clip(np.nan_to_num(position), -ABSURD, ABSURD)
@@ -425,13 +435,13 @@ def off_path(outside_m: float, complies_only: bool, moves_over: bool) -> str:
 
 
 def memory(n_axes: int) -> Array:
-    """What a skill of this law remembers, as kernels/_law.h shares it: seven vectors and seven numbers.
+    """What a skill of this law remembers, as kernels/_law.h shares it: eight vectors and seven numbers.
 
-    Expected force, commanded velocity, position, start and, where roles change, reference, pull, bias; then phase and clock rate;
-    and where roles change for how long it has rested [s], whether anybody has moved, for how long the partner has spoken against
-    being led and has held it [s], and the goal that it was told, negative for none.
+    Expected force, commanded velocity, position, start and, where roles change, reference, pull, bias; how fast lessons went that
+    way; then phase and clock rate; and where roles change for how long it has rested [s], whether anybody has moved, for how long
+    the partner has spoken against being led and has held it [s], and the goal that it was told, negative for none.
     """
-    return np.zeros(7 * n_axes + 7)
+    return np.zeros(8 * n_axes + 7)
 
 
 def compiled(
@@ -458,7 +468,7 @@ def compiled(
     tables = tuple(
         np.concatenate([getattr(r, name) for r in pace.references]) for name in ("position", "velocity", "force", "way", "gain")
     )
-    goals = np.array([(len(r.way), r.step_s, r.top_speed, r.slack_m) for r in pace.references])
+    goals = np.array([(len(r.way), r.step_s, r.top_speed, r.slack_m, r.place_m) for r in pace.references])
 
     def by_name(law: CollaborativeLaw) -> Array:
         return layouts.packed("law", asdict(law))

@@ -40,12 +40,14 @@ class Compliance:
         feedforward: Array,
         departs_m_per_s: float = 0.0,
         going: float | None = None,
+        untaught: float = 0.0,
     ) -> None:
         """Damping is implicit, so any value is stable by itself at any dt. Speed, dead zone and shaking are of vectors.
 
         departs_m_per_s   a hand that rests yet counts as so fast: it is known that somebody sets out
         going   [m/s] how fast the task goes on by itself here, where that is known: the hand rests where it does not, and moves
                 neither. An attraction that a force keeps in balance is rest, although both are large
+        untaught   in [0, 1]: the hand goes where lessons never went
         """
         c, off = self.velocity.tolist(), excess.tolist()
         if going is None:
@@ -54,6 +56,7 @@ class Compliance:
             speed = max(length([a + b for a, b in zip(c, reference.tolist(), strict=True)]), going)
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest * rest * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
+        damping += untaught * law.untaught_damping_ns_per_m
         shaking, on_grip = self._shakes(law, off)
         damping += law.shake_damping_ns_per_m_per_n * shaking
         size, dead = length(off), law.dead_zone_n * rest

@@ -12,6 +12,7 @@ from ..models.clock import PHASE
 from ..models.gmm import Gmm
 from ..models.gmr import regress
 from ..models.taught_path import MOVING, POINTS_PER_S, TaughtPath
+from ..signals.vectors import length
 
 SMOOTHING_S = 0.5  # a few Gaussians over phase make a staircase of speeds; nobody lifts in steps
 RESTING = 0.05  # share of the top speed below which the task rests
@@ -20,6 +21,7 @@ LEAST_SPREAD_M = 0.003  # a few lessons agree by chance
 GAINS_PER_S = (2.0, 10.0)  # a delay of 50 ms bears no more, and less would not come to the end
 AT_START = 0.08  # share of the extent: who begins so near to where lessons began, begins where they did
 AS_NEAR = 0.15  # share of the extent: parts of the path that lie so near to the nearest one are as near
+PLACE_M, PLACE, PLACES = 0.04, 0.25, 200  # so near, or this share of the extent, is the same place; so many are looked at
 
 
 class PhaseReference:
@@ -43,6 +45,7 @@ class PhaseReference:
         self.way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.position, axis=0), axis=1))])
         self.length_m = float(self.way[-1])
         self.extent_m = float(np.linalg.norm(self.position - self.position[0], axis=1).max())
+        self.place_m = max(PLACE_M, PLACE * self.extent_m)
         self.top_speed = float(np.linalg.norm(self.velocity, axis=1).max())
         self.spread = np.zeros(len(position)) if spread is None else spread
         self.gain = np.ones(len(position))
@@ -169,6 +172,18 @@ class PhaseReference:
         for n in range(1, apart.shape[1]):  # axis by axis, as the compiled tick adds them
             total += apart[:, n]
         return (low + int(total.argmin())) * self.step_s
+
+    def that_way(self, position: Array, velocity: Array) -> Array:
+        """(d,) [m/s] Along `velocity`, as fast as lessons went that way within `place_m` of `position`, at any time."""
+        every, speed = 1 + len(self.way) // PLACES, length(velocity.tolist())
+        if speed < 1e-6:
+            return np.zeros(len(position))
+        far, along = np.zeros(-(-len(self.way) // every)), np.zeros(-(-len(self.way) // every))
+        for i, v in enumerate(velocity.tolist()):
+            off = self.position[::every, i] - position[i]
+            far, along = far + off * off, along + self.velocity[::every, i] * v
+        fastest = max(float(np.max(along, where=far < self.place_m * self.place_m, initial=0.0)), 0.0)
+        return velocity * (fastest / (speed * speed))
 
     @property
     def longest_rest_s(self) -> float:
