@@ -15,7 +15,7 @@ from comanip.models.filtering import DurationFilter, ForwardFilter
 from comanip.models.gmm import Gmm
 from comanip.models.hmm import Hmm
 from comanip.models.hsmm import explicit_durations
-from comanip.people.kinds import KINDS, make
+from comanip.people.kinds import KINDS, make, planned
 from comanip.people.partners import HumanFollower, HumanLeader, HumanSharing
 from comanip.plants.beam import Beam, WristSensor
 from comanip.plants.replay import ReplayPlant
@@ -78,4 +78,4 @@ def plants() -> dict[str, Make]:
 
 
 WRITTEN = [form for form in parts.FORMATS if form.writes]
-__all__ = ["ESTIMATORS", "KINDS", "MODELS", "PARTNERS", "WRITTEN", "make", "plants", "skills", "usual", "way"]
+__all__ = ["ESTIMATORS", "KINDS", "MODELS", "PARTNERS", "WRITTEN", "make", "planned", "plants", "skills", "usual", "way"]

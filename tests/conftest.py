@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+
 import numpy as np
 import pytest
 from hypothesis import settings
@@ -14,6 +16,8 @@ from known import BY_TIME, KNOWN
 
 settings.register_profile("suite", derandomize=True, deadline=None)  # the same examples in every run, on any machine
 settings.load_profile("suite")
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job ignores Control-C, and so would what it starts
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

@@ -57,6 +57,23 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
         "safety",
         "skills",
         "tasks",
+        "teaching",
+        "lessons",
+    },
+    "gym": {
+        *BASE,
+        "errors",
+        "interaction",
+        "learned",
+        "loop",
+        "parts",
+        "people",
+        "plants",
+        "reproduction",
+        "safety",
+        "skills",
+        "tasks",
+        "trials",
     },
     "robots": {
         *BASE,
@@ -89,6 +106,10 @@ ONLY_IN = {  # outside library -> files that may import it
     "zenoh": ("robots/zenoh_wire.py",),
     "cyclonedds": ("robots/dds_wire.py",),
     "rclpy": ("robots/rclpy_wire.py",),
+    "gymnasium": ("gym/",),
+    "pettingzoo": ("gym/",),
+    "onnxruntime": ("trials/onnx_policy.py",),
+    "stable_baselines3": ("trials/sb3_policy.py",),
 }
 
 

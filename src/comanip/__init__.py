@@ -1,5 +1,6 @@
 """comanip: teach a robot to handle things together with a person, by demonstration, with force."""
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -182,6 +183,15 @@ if TYPE_CHECKING:  # the same once more for type checkers and editors; a test co
     from .trials import success_interval as success_interval
 
 __all__ = ["__version__", *_PUBLIC]
+
+
+def _tell_gymnasium() -> None:
+    """Whoever has Gymnasium loaded may ask it for comanip/Carry-v0: a name in its registry, and nothing more is loaded."""
+    if "gymnasium" in sys.modules:
+        import_module("comanip.gym")
+
+
+_tell_gymnasium()
 
 
 def __getattr__(name: str) -> Any:

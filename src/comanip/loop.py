@@ -161,6 +161,40 @@ def run(
     return recorder.recording({**(metadata or {}), **notice, "stop_reason": reason, "dt_s": plant.dt})
 
 
+class Stepper:
+    """The same loop for whoever decides from outside when time goes on (`comanip.gym`): `act`, then `advance`, and so on.
+
+    The rows, and so the recording, are those that `run` would have kept. Raises what `run` raises before anything moves.
+    """
+
+    def __init__(self, plant: Plant, skill: Skill, estimator: ForceEstimator | None = None, *, most_s: float = 3600.0) -> None:
+        _check_fits(plant, skill, estimator, most_s)
+        self.plant, self.skill, self.estimator = plant, skill, estimator
+        self.obs, self.command = Observation(len(plant.axes)), Command(len(plant.axes))
+        _begin(plant, skill, estimator, self.obs, self.command)
+        self._observed = tuple(name for name in _OBSERVED if not np.isnan(getattr(self.obs, name)).all())
+        self.recorder = Recorder(_layout(plant, skill, self._observed))
+
+    def act(self) -> str:
+        """The skill steps, the plant is told, the row is kept; why the run must end, or nothing."""
+        self.skill.step(self.obs, self.command)
+        self.plant.write(self.command)
+        _record(self.recorder, self._observed, self.obs, self.command, self.plant, self.skill, 0.0)
+        return self.plant.stop_reason or self.skill.stop_reason
+
+    def advance(self) -> None:
+        """One control period passes, and what came of it is measured."""
+        self.plant.advance()
+        self.plant.read(self.obs)
+        if self.estimator is not None:
+            self.estimator.step(self.obs)
+
+    def recording(self, metadata: Mapping[str, Any] | None = None) -> Recording:
+        """What was kept so far."""
+        notice = {"notice": self.skill.notice} if self.skill.notice else {}
+        return self.recorder.recording({**(metadata or {}), **notice, "dt_s": self.plant.dt})
+
+
 def _check_fits(plant: Plant, skill: Skill, estimator: ForceEstimator | None, duration_s: float) -> None:
     """Before the first command, because a wrong period or axis moves a robot wrongly.
 

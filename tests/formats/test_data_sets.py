@@ -425,3 +425,26 @@ def test_a_mapping_is_kept_in_a_file(tmp_path):
     path.write_text("position = \n")
     with pytest.raises(RecordingError, match="not TOML"):
         mapping_file(path)
+
+
+def test_text_that_is_no_utf8_is_refused_in_one_line(tmp_path):
+    """Parquet's text is not looked at when it is read; it ended in a UnicodeDecodeError later."""
+    import pyarrow
+
+    bytes_ = pyarrow.array([b"lift \xe8 it", b"lower it"])
+    words = pyarrow.StringArray.from_buffers(2, *bytes_.buffers()[1:])
+    parquet.write_table(pyarrow.table({"task": words, "task_index": [0, 1]}), tmp_path / "tasks.parquet")
+    with pytest.raises(RecordingError, match=r"tasks.parquet: not a Parquet file that can be read: .*UTF8") as told:
+        read(tmp_path / "tasks.parquet")
+    assert "\n" not in str(told.value)
+
+
+def test_a_stray_quote_in_a_folder_of_tables_is_told_by_file_and_line(tmp_path):
+    """A field of more than 131,072 characters ended in csv's own error."""
+    folder = topic_folder(tmp_path / "a", "bagpy")
+    file = max(folder.rglob("*.csv"), key=lambda f: f.stat().st_size)
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join([*lines[:2], '"' + lines[2], *lines[3:], *lines[3:], *lines[3:]]))
+    with pytest.raises(RecordingError, match=r"line 3 opens a quote that is never closed") as told:
+        read(folder)
+    assert file.name in str(told.value)

@@ -56,7 +56,7 @@ def plant(kind, seed, axes, *, compiled, **about):
     made = BeamPlant(person(kind, rng, axes), beam=beam, sensor=sensor, axes=axes, start_position=rng.normal(size=len(axes)),
                      rng=rng, **about)  # fmt: skip
     if not compiled:
-        made._compile = lambda late: (None, rng)
+        made._as_numbers = lambda late: ((), rng)
         made.reset()
     else:
         made.reset()  # as often, for the twins draw alike

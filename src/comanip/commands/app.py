@@ -290,9 +290,17 @@ def trial(
         list[str],
         Parameter(
             name="--law",
-            help=f"{', '.join(parts.LAWS)}; repeatable.",
+            help=f"{', '.join(parts.LAWS)}; repeatable. Default: default, where there is no --law-from.",
         ),
-    ] = ["default"],
+    ] = [],
+    law_from: Annotated[
+        list[Path],
+        Parameter(
+            name="--law-from",
+            consume_multiple=True,
+            help="Policies of yours beside them: .py, .onnx or a Stable-Baselines3 .zip (docs/gym.md).",
+        ),
+    ] = [],
     task: Annotated[
         list[str],
         Parameter(
@@ -332,6 +340,7 @@ def trial(
             seed,
             plant,
             law,
+            law_from,
             skill,
             partners_from,
             people,
@@ -343,6 +352,21 @@ def trial(
             overwrite,
             json,
         )
+
+
+@app.command
+def board(
+    folder: Annotated[Path, Parameter(help="Holds files of `comanip trial --json`, also in folders below.")],
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="A .md or .html; default: markdown, printed.")] = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Gather results of trials into one table, the best law first: comanip board results/ -o board.html"""
+    from . import board as command
+
+    command.board(folder, out, overwrite, json)
 
 
 @app.command

@@ -17,6 +17,7 @@ _OURS = {
     ".svg": (b"<dc:title>comanip</dc:title>",),
     ".pdf": (b"/Creator (comanip)",),
     ".html": (b'name="generator" content="comanip"',),
+    ".md": (b"<!-- comanip board -->",),
 }
 _NEAR_BYTES = 2048
 

@@ -6,10 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from .. import __version__
 from ..errors import ParameterError
 from ..evaluation.metrics import vibration
 from ..people.kinds import KINDS, TUNING, kind_of, names_of
 from ..people.rail import STEP_S, on_rail
+from ..trials.board import ABOUT, about
+from ..trials.cases import TASK, Case
 from ..trials.people import USUAL, draw_people, meet_all, summary
 from .console import print_json, progress, table
 from .trying import skills_for
@@ -89,17 +92,21 @@ def trial(
     robots = any(name != USUAL and kind_of(name).robot for name in names)
     skills = skills_for([*roles, *(["leader", "follower"] if robots else [])], laws, files)
     results: dict[str, dict[str, Any]] = {}
+    met_all: list[Case] = []
     for role in roles:
         cases = [case for name in names for case in draw_people(role, name, partners, seed, misbehaving=misbehaving)]
         if not cases:
             plays = ", ".join(f"{name!r} plays {' and '.join(kind_of(name).roles)}" for name in names)
             raise ParameterError(f"--people: none of them can be the partner of a robot as {role}: {plays}")
+        met_all += cases
         for law in laws:
             with progress(f"{role}, {law}") as report:
                 met = meet_all(cases, skills, law, plant=plant, workers=workers, progress=report)
             results.setdefault(role, {})[law] = summary(cases, met)
     if json:
-        print_json(results)
+        asked = {"roles": roles, "partners": partners, "seed": seed, "plant": plant, "misbehaving": misbehaving}
+        where = {"people": names, "tasks": [TASK], "by_task": False}
+        print_json({**results, ABOUT: about(met_all, laws, version=__version__, files=files, **asked, **where)})
         return
     for role, by_law in results.items():
         for law, found in by_law.items():

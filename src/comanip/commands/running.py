@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -19,9 +18,7 @@ from ..formats.background import writing
 from ..formats.live import LiveFile
 from ..interfaces import Array, Tap
 from ..learned import file as skill_file
-from ..learned.learn import learn as learn_skill
 from ..learned.skill import LearnedSkill
-from ..lessons.demonstration import demonstrations
 from ..loop import SimulatedClock, WallClock, run, unbroken
 from ..plants.replay import ReplayPlant
 from ..recording import Recording
@@ -32,6 +29,7 @@ from ..teaching import teach as record_lessons
 from ..trials import draw_case, judge, run_case
 from ..trials.cases import TASK
 from ..trials.running import told_goal
+from ..trials.taught import taught as learned_now
 from .console import note, print_json, progress, say, say_if_slow, table
 from .ending import keeping
 from .flags import DataFlags
@@ -112,10 +110,7 @@ def taught(role: str, seed: int, lessons: int = 5, task: str | Path | Task = TAS
     """A skill from fresh simulated lessons: what `trial` and `demo` use when no file is given. It knows how near to an obstacle
     any of them came (provenance "clearance_m")."""
     say_if_slow()
-    recordings = record_lessons(role, lessons, task=task, rng=np.random.default_rng(seed))
-    learned = learn_skill(demonstrations(recordings, rate_hz=LESSON_RATE_HZ), role=role)
-    known = [float(r.metadata["clearance_m"]) for r in recordings if "clearance_m" in r.metadata]
-    return replace(learned, provenance={**learned.provenance, "clearance_m": min(known)}) if known else learned
+    return learned_now(role, seed, lessons, task)
 
 
 def reproduce(

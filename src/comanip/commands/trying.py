@@ -10,14 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from .. import __version__
 from ..errors import ParameterError
 from ..learned import file as skill_file
 from ..learned.skill import LearnedSkill
 from ..parts import LAWS, TASKS, known
 from ..tasks import Task, named
 from ..trials import ABLATION, Case, Verdict, draw_case, paired, partner_of, run_cases, success_interval
+from ..trials.board import ABOUT
+from ..trials.board import about as about_result
 from ..trials.cases import ROLES, TASK
 from ..trials.foreign import PartnersFrom, bounds_memory
+from ..trials.policies import check_policy
 from ..trials.running import one_run
 from .console import note, print_json, progress, say, table
 from .ending import keeping
@@ -34,6 +38,7 @@ def trial(
     seed: int,
     plant: str,
     laws: Sequence[str],
+    policies: Sequence[Path],
     files: Sequence[Path],
     partners_from: Path | None,
     people: Sequence[str],
@@ -45,8 +50,7 @@ def trial(
     overwrite: bool,
     json: bool,
 ) -> None:
-    for law in laws:
-        known("law", law, LAWS)
+    laws = laws_asked(laws, policies)
     if not 0.0 <= misbehaving <= 1.0:
         raise ParameterError(f"--misbehaving is a share of the partners, 0 to 1; got {misbehaving}")
     if partners < 1:
@@ -82,7 +86,8 @@ def trial(
     for task in whats:
         results[task.name] = _of_task(asked, task, files, folders[task.name], says=task.name if tasks else "")
     if json:
-        print_json(results if tasks else results[TASK])
+        told = _told(asked, whats, files, by_task=bool(tasks))
+        print_json({**(results if tasks else results[TASK]), ABOUT: told})
         return
     for name, by_role in results.items():
         for role, by_law in by_role.items():
@@ -90,6 +95,15 @@ def trial(
     words = ["effort", "peak", "end", "ripple", "LDLJ", *(["told nothing", "role right"] if "auto" in roles else [])]
     for line in explained(words):
         say(line)
+
+
+def laws_asked(laws: Sequence[str], policies: Sequence[Path]) -> tuple[str, ...]:
+    """Laws by name and policies by file, each once; the default law where nothing was asked for."""
+    for law in laws:
+        known("law", law, LAWS)
+    for file in policies:
+        check_policy(str(file))
+    return tuple(dict.fromkeys([*laws, *map(str, policies)])) or ("default",)
 
 
 @dataclass(frozen=True)
@@ -105,6 +119,11 @@ class _Asked:
     misbehaving: float
     makes: Any
     workers: int
+
+    def cases(self, role: str, task: Task) -> list[Case]:
+        """The partners, in order."""
+        rng = np.random.default_rng([self.seed, ROLES.index(role)])
+        return [draw_case(role, rng, task=task, misbehaving=self.misbehaving) for _ in range(self.partners)]
 
     def laws_of(self, role: str) -> tuple[str, ...]:
         """The default law goes first where others are compared with it."""
@@ -136,8 +155,7 @@ def _of_task(asked: _Asked, task: Task, files: Sequence[Path], pictures: Path | 
     skills = skills_for(asked.roles, laws, files, task)
     results: dict[str, Any] = {}
     for role in asked.roles:
-        rng = np.random.default_rng([asked.seed, ROLES.index(role)])
-        cases = [draw_case(role, rng, task=task, misbehaving=asked.misbehaving) for _ in range(asked.partners)]
+        cases = asked.cases(role, task)
         by_law: dict[str, list[Verdict]] = {}
         for law in asked.laws_of(role):
             keeping("a trial is told when it is over; nothing was written")
@@ -158,6 +176,14 @@ def _of_task(asked: _Asked, task: Task, files: Sequence[Path], pictures: Path | 
     return results
 
 
+def _told(asked: _Asked, whats: Sequence[Task], files: Sequence[Path], *, by_task: bool) -> dict[str, Any]:
+    """What was asked, and hashes, for who gathers or repeats it."""
+    cases = [case for task in whats for role in asked.roles for case in asked.cases(role, task)]
+    about = {name: getattr(asked, name) for name in ("roles", "partners", "seed", "plant", "misbehaving")}
+    named_ = {"people": "usual", "tasks": [task.name for task in whats], "by_task": by_task}
+    return about_result(cases, asked.laws, version=__version__, files=files, **about, **named_)
+
+
 def skills_for(
     roles: Sequence[str], laws: Sequence[str], files: Sequence[Path], task: str | Path | Task = TASK
 ) -> dict[str, LearnedSkill]:
@@ -174,7 +200,7 @@ def skills_for(
                 "the --task that it was taught"
             )
         skills[learned.role] = learned
-    wanted = {"leader", "follower"} if "auto" in roles or any(LAWS[law].both for law in laws) else set(roles)
+    wanted = {"leader", "follower"} if "auto" in roles or any(LAWS[law].both for law in laws if law in LAWS) else set(roles)
     if files and (absent := sorted(wanted - set(skills))):
         note(f"no --skill as {' or '.join(absent)}: learned now from five simulated lessons a role")
     for role in sorted(wanted - set(skills)):
@@ -185,7 +211,7 @@ def skills_for(
 
 
 def picture_name(role: str, law: str, place: int) -> str:
-    return f"{role}_{law}_{place:02d}.png"
+    return f"{role}_{Path(law).name}_{place:02d}.png"
 
 
 def _draw_worst(

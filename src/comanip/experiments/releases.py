@@ -23,7 +23,7 @@ from comanip.safety.limits import taught_walls
 from comanip.trials.cases import Case, draw_case, partner_of
 from comanip.trials.contestants import contestant
 from comanip.trials.people import draw_people, person_of
-from comanip.trials.running import _plant, estimator_for
+from comanip.trials.running import estimator_for, plant_for
 
 from .lifts import learned, taught
 
@@ -89,7 +89,7 @@ def try_one(
         if skill.mode != "RUN" or skill.notice.startswith(("at the edge", "felt", "shaking")):
             said.append(skill.notice)
 
-    world = Senses(_plant(plant, person, case, 0.01, rng), reading)
+    world = Senses(plant_for(plant, person, case, 0.01, rng), reading)
     recording = run(world, skill, duration_s=lasts_s or case.run_s, estimator=estimator_for(case, 0.01), taps=[tap])
     x, time = recording["hand.position"].values[:, 0], recording["hand.position"].time
     v, true = recording["command.velocity"].values[:, 0], recording["hand.true_force"].values[:, 0]

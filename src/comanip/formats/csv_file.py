@@ -354,7 +354,7 @@ def read_own_csv(path: Path, text: str) -> Recording:
         layout = {n: (str(c["unit"]), str(c["frame"]), tuple(c["axes"])) for n, c in head["channels"].items()}
         metadata = dict(head["metadata"])
         version = int(head["version"])
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise RecordingError(f"{path}: line 1 is a damaged comanip header ({error}); delete it to read plain CSV") from None
     if version > VERSION:
         raise RecordingError(f"{path}: written as version {version}; this comanip reads up to {VERSION}: update comanip")

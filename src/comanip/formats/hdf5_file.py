@@ -208,7 +208,7 @@ def _own(path: Path, parts: Parts, text: str) -> list[Recording]:
                 f"{path}: written as version {head['version']}; this comanip reads up to {VERSION}: update comanip"
             )
         found = [_one(parts, i, layout) for i, layout in enumerate(head["recordings"])]
-    except (KeyError, ValueError, TypeError, AttributeError, ChannelError) as error:
+    except (KeyError, ValueError, TypeError, AttributeError, OverflowError, ChannelError) as error:
         raise RecordingError(
             f"{path}: damaged: its arrays are not what its header says ({' '.join(str(error).split())})"
         ) from None

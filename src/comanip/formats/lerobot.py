@@ -370,7 +370,7 @@ def _own(
             part = {n: v[at : at + length] for n, v in table.items()}
             found.append(_episode(part, features, episode))
             at += length
-    except (KeyError, ValueError, TypeError, IndexError, AttributeError, ChannelError) as error:
+    except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, ChannelError) as error:
         raise RecordingError(
             f"{path / SIDECAR}: does not fit the frames ({error}); without it the frames are read as anybody's"
         ) from None

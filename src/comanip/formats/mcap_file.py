@@ -190,7 +190,15 @@ def _leads(topic: str, expressions: tuple[str, ...]) -> bool:
 
 
 def _own(path: Path, walk: Walk, recover: bool) -> Recording:
-    """Our own file: values by the channels' metadata, the rest from the metadata record."""
+    """Our own file; its metadata record may be whole and say what cannot be."""
+    try:
+        return _assembled(path, walk, recover)
+    except (KeyError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise RecordingError(f"{path}: damaged: its metadata record does not fit ({' '.join(str(error).split())})") from None
+
+
+def _assembled(path: Path, walk: Walk, recover: bool) -> Recording:
+    """Values by the channels' metadata, the rest from the metadata record."""
     texts = walk.metadata.get(RECORD, {})
     if texts and texts.get("sha256") != _digest(texts):
         fault(path, walk, "the metadata record is damaged (its sha256 does not match)", recover)

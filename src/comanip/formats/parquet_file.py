@@ -21,7 +21,7 @@ from . import only
 from .assemble import assemble
 from .columns import Columns, recognise, sign_and_name, unit_in, unknown
 
-OURS = b"comanip"
+OURS, SEAL = b"comanip", b"comanip.sha256"
 VERSION = 1
 MAX_CELLS = 64 << 20  # numbers held at once: half a gigabyte
 EPISODE, INDEX, STAMP = "episode_index", "frame_index", "timestamp"
@@ -82,6 +82,8 @@ class Episodes:
 
 def open_parquet(path: Path, data: Any, columns: Columns, recover: bool) -> Sequence[Recording]:
     table, metadata = read_table(path)
+    if SEAL in metadata and OURS not in metadata:
+        raise RecordingError(f"{path}: damaged: it is one of comanip's, and its header is not found under {OURS.decode()!r}")
     if OURS in metadata:
         from .mapping import finished
 
@@ -110,6 +112,7 @@ def read_table(path: Path) -> tuple[Any, Mapping[bytes, bytes]]:
                     f"{path}: {head.num_rows} rows of {head.num_columns} columns: too much at once; learn with --stream"
                 )
             table = file.read()
+            table.validate(full=True)  # text that is no UTF-8, lists that end before they begin
             return table, dict(table.schema.metadata or {})
     except (arrow.ArrowException, OSError, ValueError, KeyError, TypeError, OverflowError) as error:
         raise RecordingError(f"{path}: not a Parquet file that can be read: {_line(error)}") from None
@@ -240,7 +243,7 @@ def write_parquet(recordings: Sequence[Recording], path: Path) -> None:
             column[at] = values
             arrays.append(arrow.array(column, mask=absent, from_pandas=False))
             names.append(f"{name}.{axis}")
-    metadata = {OURS: head.encode(), b"comanip.sha256": digest(head, recording.channels).encode()}
+    metadata = {OURS: head.encode(), SEAL: digest(head, recording.channels).encode()}
     table = arrow.Table.from_arrays(
         arrays, schema=arrow.schema(list(zip(names, [a.type for a in arrays], strict=True)), metadata)
     )
@@ -266,7 +269,7 @@ def _own(path: Path, table: Any, head: bytes, recover: bool) -> Recording:
     try:
         stated = json.loads(text)
         version, layout, metadata = int(stated["version"]), dict(stated["channels"]), dict(stated["metadata"])
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
         raise RecordingError(f"{path}: a damaged comanip header ({error})") from None
     if version > VERSION:
         raise RecordingError(f"{path}: written as version {version}; this comanip reads up to {VERSION}: update comanip")
@@ -283,6 +286,6 @@ def _own(path: Path, table: Any, head: bytes, recover: bool) -> Recording:
             channels[name] = Channel(time[kept], values, str(c["unit"]), str(c["frame"]), axes)
     except (KeyError, ValueError, TypeError, IndexError, ChannelError, ArithmeticError) as error:
         raise RecordingError(f"{path}: damaged: its columns are not what its header says ({_line(error)})") from None
-    if (table.schema.metadata or {}).get(b"comanip.sha256", b"").decode("latin-1") != digest(text, channels):
+    if (table.schema.metadata or {}).get(SEAL, b"").decode("latin-1") != digest(text, channels):
         raise RecordingError(f"{path}: its sha256 does not match: some byte was changed")
     return Recording(channels, metadata)

@@ -72,7 +72,10 @@ def _events(text: str) -> list[tuple[float, str]]:
     import csv
     import io
 
-    rows = [r for r in csv.reader(io.StringIO(text[: 1 << 20], newline="")) if any(c.strip() for c in r)]
+    try:
+        rows = [r for r in csv.reader(io.StringIO(text[: 1 << 20], newline="")) if any(c.strip() for c in r)]
+    except csv.Error:  # a quote that is never closed: whoever reads it as a table of samples says where
+        return []
     head = [c.strip().lower() for c in rows[0]] if rows else []
     at = next((i for i, c in enumerate(head) if unit_in(c)[0] in TIME_NAMES), None)
     label = next((i for i, c in enumerate(head) if c in _LABELS), None)

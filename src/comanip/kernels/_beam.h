@@ -8,7 +8,7 @@ enum { NOISE_BLOCK = 2048 }; /* humans.BLOCK */
     X(mass, mass_kg) X(length, length_m) X(wrist_stiffness, wrist_stiffness_nm_per_rad) \
     X(wrist_damping, wrist_damping_nms_per_rad) X(lag, actuator_lag_s) X(inertia, inertia) X(decay, decay) X(step, step_s) \
     X(yy, yy) X(yv, yv) X(yu, yu) X(vy, vy) X(vv, vv) X(vu, vu)
-typedef struct { WRIST(ONE_NUMBER) } Wrist; /* BeamPlant._compile */
+typedef struct { WRIST(ONE_NUMBER) } Wrist; /* BeamPlant._as_numbers */
 
 #define HUMAN(X) \
     X(stiffness, stiffness_n_per_m) X(damping, damping_ns_per_m) X(feedforward, feedforward) X(yields, yields) \
@@ -249,9 +249,55 @@ static PyObject *beam_feed(PyObject *object, PyObject *numbers) {
     Py_RETURN_NONE;
 }
 
+/* What a run has made of a Beam, for a copy made with the same arguments: (numbers in front of `past` of each End, and its places in
+ * the rings; how many numbers of the noise are left, and whether there are more; all its memory). */
+enum { IN_END = offsetof(End, past) / 8, KEPT = IN_END + 2 };
+
+static size_t run_of(Beams *self, double *run, int recall) {
+    Beam *b = &self->beam;
+    const size_t d = b->d, noise = d * NOISE_BLOCK, rings = d * (2 * b->person_late + b->sensor_late + 1);
+    double *const ring = (double *)b->ends[0].past;
+    if (run) {
+        double *at = run;
+        for (size_t i = 0; i < d; i++, at += KEPT) {
+            End *e = &b->ends[i];
+            if (recall) memcpy(e, at, sizeof(double) * IN_END), e->oldest = (int)at[IN_END], e->next = (int)at[IN_END + 1];
+            else memcpy(at, e, sizeof(double) * IN_END), at[IN_END] = e->oldest, at[IN_END + 1] = e->next;
+        }
+        if (recall) b->left = (int)at[0], b->spare = (int)at[1];
+        else at[0] = b->left, at[1] = b->spare;
+        at += 2;
+        double *const parts[] = {b->block, b->next_block, ring};
+        for (int n = 0; n < 3; n++) {
+            const size_t size = n < 2 ? noise : rings;
+            memcpy(recall ? parts[n] : at, recall ? at : parts[n], sizeof(double) * size);
+            at += size;
+        }
+    }
+    return d * KEPT + 2 + 2 * noise + rings;
+}
+
+static PyObject *beam_run(PyObject *self, PyObject *nothing) {
+    (void)nothing;
+    PyObject *bytes = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)(run_of((Beams *)self, NULL, 0) * sizeof(double)));
+    if (bytes) run_of((Beams *)self, (double *)PyBytes_AsString(bytes), 0);
+    return bytes;
+}
+
+static PyObject *beam_recall(PyObject *self, PyObject *run) {
+    Arrays arrays = {.n = 0};
+    double *from = take(&arrays, run, 0, (Py_ssize_t)run_of((Beams *)self, NULL, 1), 8, "run");
+    if (from) run_of((Beams *)self, from, 1);
+    release(&arrays);
+    if (PyErr_Occurred()) return NULL;
+    Py_RETURN_NONE;
+}
+
 static PyMethodDef beam_methods[] = {
     {"advance", (PyCFunction)(void (*)(void))beam_advance, METH_FASTCALL, "One control period; False, with nothing changed, without noise."},
     {"feed", beam_feed, METH_O, "The next block of normal numbers."},
+    {"run", beam_run, METH_NOARGS, "Bytes of all that a run has made of it."},
+    {"recall", beam_recall, METH_O, "Goes on from such bytes, of a beam made with the same arguments."},
     {NULL, NULL, 0, NULL},
 };
 static PyType_Slot beam_slots[] = {{Py_tp_new, beam_new}, {Py_tp_dealloc, beam_dealloc}, {Py_tp_methods, beam_methods}, {0, NULL}};

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import MismatchError
+from ..errors import MismatchError, ParameterError
 from ..interfaces import Array
 from ..models.gmm import Gmm
 from ..models.hmm import Hmm
@@ -19,6 +19,7 @@ from ..parts import MODELS, known, learned_laws
 from ..recording import Passed, frozen
 
 ALLOWED_DT_S = (0.0002, 0.05)
+ABSURD = 1e6  # no robot is so far away, in any unit, nor is any lesson so long
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,7 @@ class LearnedSkill(Passed):
         object.__setattr__(self, "paths", tuple(self.paths))
         for name in ("settings", "units", "provenance"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        _check_shapes(self)
 
     def __repr__(self) -> str:
         lessons = len(self.provenance.get("lessons", ())) or len(self.ends)
@@ -81,6 +83,37 @@ class LearnedSkill(Passed):
     def notes(self) -> tuple[str, ...]:
         """What was derived, assumed, removed or suspicious on the way from file to skill, a sentence each."""
         return tuple(self.provenance.get("notes", ()))
+
+
+def _check_shapes(learned: LearnedSkill) -> None:
+    """ParameterError for numbers that no lessons give: a skill file may be signed and wrong all the same."""
+    axes, d = ", ".join(learned.axes), len(learned.axes)
+    if not d or len(set(learned.axes)) < d or not all(isinstance(name, str) for name in learned.axes):
+        raise ParameterError(f"a skill has one name for each axis, each once; got {learned.axes!r}")
+    for name, step_s in (
+        ("the period dt of its lessons", learned.dt),
+        *(("step_s of its path", p.step_s) for p in learned.paths),
+    ):
+        if not 0.0 < step_s < ABSURD:
+            raise ParameterError(f"{name} must be above 0 s and below {ABSURD:g} s; got {step_s}")
+    numbers = {
+        "workspace": (learned.workspace, (d, 2)),
+        "ends": (learned.ends, (learned.ends.size // d, d)),
+        "onsets_s": (learned.onsets_s, (learned.onsets_s.size,)),
+        "starts": (learned.starts, (learned.starts.size // d, d)),
+        **{
+            f"{name} of path {n}": (values := getattr(path, name), (values.size // d, d))
+            for n, path in enumerate(learned.paths, start=1)
+            for name in ("position", "force", "ends")
+        },
+    }
+    for name, (values, shape) in numbers.items():
+        if values.shape != shape and (values.size or name == "workspace"):
+            raise ParameterError(f"{name} of a skill with axes {axes} has the shape {shape}; got {values.shape}")
+        if not (np.abs(values) < ABSURD).all():
+            raise ParameterError(f"{name} holds a value that is no number below {ABSURD:g}")
+    if (learned.workspace[:, 0] > learned.workspace[:, 1]).any():
+        raise ParameterError(f"workspace is (low, high) of each axis [m]; got {learned.workspace.tolist()}")
 
 
 def check_fits(

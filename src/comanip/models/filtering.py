@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
 from .. import kernels
 from ..errors import ParameterError
 from ..interfaces import Array
+from ..kernels.copies import Copied
 from ..recording import expand
 from .gaussian import Whitening, marginal, whitening
 from .hmm import Hmm
@@ -22,7 +22,7 @@ FRESH, HOPELESS_TICKS, RESTARTS, LAST, SUM = range(5)  # StateFilter._state
 HOPELESS = 20.0  # [nats] evidence for a state that the dynamics exclude this clearly speaks against the weights
 
 
-class StateFilter(ABC):
+class StateFilter(Copied, ABC):
     """Weights h_t(i) ∝ prediction_t(i) N(ξ_t; μ_i, Σ_i), normalised, robust against what sensors do.
 
     All of a tick but the dynamics: `_predict` says what the weights would be without evidence. A tick is written around the best
@@ -42,6 +42,8 @@ class StateFilter(ABC):
 
     NaN is a missing channel: the density of the others is used; with none the weights move on by the dynamics alone.
     """
+
+    ANEW = ("compiled", "_tick")
 
     def __init__(
         self,
@@ -72,25 +74,12 @@ class StateFilter(ABC):
         self._z, self._log_b, self._log_h = np.empty(k * d), np.empty(k), np.empty(k)
         self._weights, self._predicted = np.empty(k), np.empty(k)
         self._state = np.zeros(5)  # what else a tick remembers, in one array that the compiled tick shares
-        self._link()
-
-    def _link(self) -> None:
-        """Windows into arrays, which a copy would not keep."""
         self._offset = self._centred[:-1]
         self._z_by_state = self._z.reshape(self.n_states, -1)
 
     @abstractmethod
-    def _compile(self) -> None:
+    def _link(self) -> None:
         """Sets `compiled` and `_tick`, in C and over this filter's arrays; None where nothing could be compiled."""
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What a copy takes over, in mid-run too; what is compiled it makes anew over its own arrays."""
-        return {name: value for name, value in vars(self).items() if name not in ("compiled", "_tick", "_offset", "_z_by_state")}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
-        self._link()
-        self._compile()
 
     @property
     def n_states(self) -> int:
@@ -209,10 +198,10 @@ class ForwardFilter(StateFilter):
     ) -> None:
         super().__init__(model, channels, transition_floor=transition_floor, gate=gate, patience=patience)
         self._chain = np.ascontiguousarray((1.0 - transition_floor) * model.transition + transition_floor / model.n_states)
-        self._compile()
+        self._link()
         self.reset()
 
-    def _compile(self) -> None:
+    def _link(self) -> None:
         self.compiled = None  # the same tick in C, for this step and for a compiled law
         if kernels.native is not None and len(self.channels) <= 256:
             self.compiled = kernels.native.Filter(
@@ -261,10 +250,10 @@ class DurationFilter(StateFilter):
         self._left, self._moved = np.empty((2, *self._durations.shape))
         self._time = np.zeros(2)  # rate of the next tick, and what has gone by of the present frame
         self._frames = np.arange(1.0, self._durations.shape[1] + 1.0)
-        self._compile()
+        self._link()
         self.reset()
 
-    def _compile(self) -> None:
+    def _link(self) -> None:
         self._tick = None
         if kernels.native is not None and len(self.channels) <= 256:
             self._tick = kernels.native.DurationFilter(

@@ -13,6 +13,7 @@ import numpy as np
 from .. import kernels
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
+from ..kernels.copies import Copied
 from ..recording import expand
 from .filtering import ForwardFilter
 from .gaussian import log_density, marginal, shares
@@ -59,7 +60,7 @@ def conditional_lines(
     return Lines(gains, offsets, 0.5 * (spread + np.swapaxes(spread, 1, 2)))
 
 
-class Regression:
+class Regression(Copied):
     """One split of a model's channels into inputs and outputs, prepared so that a tick costs two small products.
 
     Per state i, the regression is a line: y_i(x) = gains[i] @ x + offsets[i], with covariances[i] around it.
@@ -72,6 +73,8 @@ class Regression:
 
     Far from the demonstrations a line goes on for ever: bound what you do with it.
     """
+
+    ANEW = ("_mean",)
 
     def __init__(
         self,
@@ -99,18 +102,10 @@ class Regression:
         self._flat_gains = np.ascontiguousarray(self.gains.reshape(self.offsets.size, len(i)))
         self._flat_offsets = self.offsets.reshape(-1).copy()
         self._lines = np.empty_like(self._flat_offsets)
-        self._link()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What a copy takes over; what is compiled it makes anew over its own arrays."""
-        return {name: value for name, value in vars(self).items() if name not in ("_mean", "_lines_by_state")}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
+        self._lines_by_state = self._lines.reshape(self.offsets.shape)
         self._link()
 
     def _link(self) -> None:
-        self._lines_by_state = self._lines.reshape(self.offsets.shape)
         self._mean = None
         if kernels.native is not None and len(self.inputs):
             self._mean = kernels.native.Lines(self._flat_gains, self._flat_offsets, *self.gains.shape).mean

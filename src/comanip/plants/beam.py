@@ -25,6 +25,7 @@ from ..errors import ParameterError, check_generator, check_has
 from ..interaction import gravity_along
 from ..interfaces import Array, Command, Observation, Partner
 from ..kernels import layouts
+from ..kernels.copies import Copied
 from ..people.intent import BLOCK
 from ..signals.second_order import second_order_step
 
@@ -114,7 +115,7 @@ class _AxialAxis(_TransverseAxis):
 SHOWN = len(layouts.BLOCKS["end"])
 
 
-class BeamPlant:
+class BeamPlant(Copied):
     """Robot hand, beam and partner in closed loop, for any task axes.
 
     axes            names; the axis named `axial` lies along the beam, the others are across it
@@ -123,6 +124,8 @@ class BeamPlant:
     start_position  (d,) of the hand [m]
     rng             sensor noise; pass your own for a reproducible run
     """
+
+    ANEW = ("_compiled",)
 
     def __init__(
         self,
@@ -193,22 +196,34 @@ class BeamPlant:
         late = round(self.sensor.delay_s / self._step)
         self._see = getattr(self.partner, "see", None)
         self._line = [deque([axis.sensor_force] * (late + 1), maxlen=late + 1) for axis in self._state]
-        self._compiled, self._noise = self._compile(late)
+        self._run = b""
+        self._made_of, self._noise = self._as_numbers(late)
+        self._link()
 
-    def _compile(self, late: int) -> tuple[Any, np.random.Generator]:
-        """Beam and person in C, and where his noise comes from; None where nothing was compiled or he is not known by numbers."""
+    def _link(self) -> None:
+        """Beam and person in C, where they are known by numbers; a copy's go on in mid-run."""
+        if self._made_of and kernels.native is None:
+            raise ParameterError("a beam in a compiled run goes on only where comanip is compiled, too; here it is not")
+        self._compiled: Any = kernels.native.Beam(*self._made_of) if self._made_of else None
+        if self._compiled is not None and self._run:
+            self._compiled.recall(self._run)
+
+    def __getstate__(self) -> dict[str, Any]:
+        self._run = self._compiled.run() if self._made_of else b""
+        return super().__getstate__()
+
+    def _as_numbers(self, late: int) -> tuple[tuple[Any, ...], np.random.Generator]:
+        """What a compiled run is made of, and where the partner's noise comes from; nothing where none can be."""
         person = self.partner.by_numbers() if hasattr(self.partner, "by_numbers") else None
         if kernels.native is None or person is None or len(self.axes) > 6 or self._substeps > BLOCK:
-            return None, self._rng
+            return (), self._rng
         beam, one, axis = self.beam, self._state[0].tilting, self._state[0]
         on_the_way = {"inertia": axis.inertia, "decay": axis.decay, "step_s": self._step}
         wrist = layouts.packed("wrist", {**asdict(beam), **on_the_way, **one._asdict()})
         ends = np.array([[isinstance(a, _AxialAxis), a.gravity, a.position] for a in self._state], dtype=float)
         along = np.hstack([ends, person.along])
-        made = kernels.native.Beam(
-            wrist, person.numbers, along, person.legs, person.curve, person.clock, self._substeps, person.late, late
-        )
-        return made, person.rng
+        curve = (person.legs, person.curve, person.clock)
+        return (wrist, person.numbers, along, *curve, self._substeps, person.late, late), person.rng
 
     def read(self, obs: Observation) -> None:
         obs.time = self.time

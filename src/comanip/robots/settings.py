@@ -141,7 +141,7 @@ def _content(path: Path, named: str) -> dict[str, Any]:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ParameterError(f"{named}: no such file; presets: {', '.join(presets())}") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise ParameterError(f"{named}: {error}") from None
     preset = content.pop("preset", None)
     if preset is None:

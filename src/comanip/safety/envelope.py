@@ -27,6 +27,7 @@ import numpy as np
 from .. import kernels
 from ..errors import ParameterError
 from ..interfaces import Array, Command, Observation, Skill
+from ..kernels.copies import Copied
 from ..signals.vectors import apart, dot, length
 from .bounds import Bounds
 from .checker import Checker
@@ -40,7 +41,7 @@ SAME_SAMPLE = 1e-3  # of a period: a stamp that advances by less is the same sam
 ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
 
 
-class Envelope(Situation, Bounds):
+class Envelope(Copied, Situation, Bounds):
     """Wraps `skill`; has its socket. `rearm` is for the user alone.
 
     tells     optional confidence in [0, 1] that the observation is like what was taught: below 1 the command fades to COMPLY
@@ -49,6 +50,8 @@ class Envelope(Situation, Bounds):
 
     Diagnostics: the skill's, and mode (0 RUN, 1 COMPLY, 2 HOLD), tank (1,) [J], confidence.
     """
+
+    ANEW = ("_ordinary",)
 
     def __init__(
         self,
@@ -76,13 +79,20 @@ class Envelope(Situation, Bounds):
         self._mode, self._tank, self._confidence = np.zeros(1), np.full(1, limits.energy_j), np.ones(1)
         self._inner = Command(d)
         self._frozen: dict[str, Array] | None = None
-        self._ordinary: Any = None  # Ordinary, where it was compiled
+        self._ordinary: Any = None
         self._is_lent = self._ran = False
         self._taught = self._taught_by(skill)
         self._restart(0.0, [0.0] * d)
         self._fault("not started")
-        if kernels.native is not None and d <= MOST_AXES:
-            self._ordinary = Ordinary(self)
+        self._link()
+
+    def _link(self) -> None:
+        """The ordinary tick, where it was compiled."""
+        self._ordinary = Ordinary(self) if kernels.native is not None and self._d <= MOST_AXES else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        self._take_back()
+        return super().__getstate__()
 
     if not TYPE_CHECKING:
 

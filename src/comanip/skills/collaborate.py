@@ -28,6 +28,7 @@ from .. import kernels
 from ..errors import MismatchError, ParameterError
 from ..interfaces import Array, Command, Observation
 from ..kernels import layouts
+from ..kernels.copies import Copied
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
 from ..signals.vectors import dot, length
@@ -96,7 +97,7 @@ layouts.agree("law", CollaborativeLaw.__dataclass_fields__, "CollaborativeLaw")
 PHASE_S, RATE, RESISTANCE, WAITS_S, FADED, FADING_S, LED_S, EASING_S, GOAL, GOING = range(10)  # Pace.clock
 
 
-class Pace:
+class Pace(Copied):
     """The leader's clock along a reference: time drives it, and resistance of the partner slows it down.
 
     It is entered anywhere, from rest: at the nearest phase, where the hand is. What the hand is off the path there fades along
@@ -235,7 +236,7 @@ class Watch:
         self.until[0] -= self._dt
 
 
-class CollaborativeSkill:
+class CollaborativeSkill(Copied):
     """Carries an object with a partner, as leader or as follower, from what lessons of that role taught.
 
     goal   number of the reference that leads; None, which one the partner means is inferred (a leader takes the first)
@@ -246,6 +247,7 @@ class CollaborativeSkill:
     """
 
     stop_reason = ""
+    ANEW = ("_compiled", "_tick")
 
     def __init__(
         self,
@@ -277,9 +279,19 @@ class CollaborativeSkill:
         self._memory = memory(d)
         self._expected, self._velocity, self._position, *_, self.taught = self._memory[: 8 * d].reshape(8, d)
         self._phase, self._rate, *_ = self._memory[8 * d :].reshape(7, 1)
-        self._compiled = compiled(self._watch, self._pace, self._compliance, self._where, self._memory, dt)
+        self._complies_only, self._outside, self._begun = False, 0.0, False
+        self._link()
+
+    def _link(self) -> None:
+        self._compiled = compiled(self._watch, self._pace, self._compliance, self._where, self._memory, self._dt)
         self._tick: Callable[..., bool] | None = None
-        self._complies_only, self._outside = False, 0.0
+        self._choose()
+
+    def _choose(self) -> None:
+        """The compiled tick of what it does since it began."""
+        if self._compiled is not None and self._begun:
+            how = "comply" if self._complies_only else "lead" if self.role == "leader" else "follow"
+            self._tick = getattr(self._compiled, how)
 
     @property
     def reference(self) -> PhaseReference:
@@ -321,9 +333,8 @@ class CollaborativeSkill:
         self._phase[0] = entry_s[goal]
         self._outside = min(r.outside_m(self._position) for r in self._pace.references)
         self._complies_only = bool(self._outside > self.law.reach_m)
-        if self._compiled is not None:
-            how = "comply" if self._complies_only else "lead" if self.role == "leader" else "follow"
-            self._tick = getattr(self._compiled, how)
+        self._begun = True
+        self._choose()
 
     def step(self, obs: Observation, command: Command) -> None:
         foresees, tick = self._foresees(obs), self._tick

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..interfaces import Array
+from ..kernels.copies import Copied
 from ..signals.vectors import length
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 ABSURD = 1e6  # no robot is so far away, so fast or so strong, in any unit
 
 
-class Compliance:
+class Compliance(Copied):
     """The mass-damper c of the law, in d axes; `velocity` (d,) [m/s] is rewritten by `step`.
 
     Here and below a tick is written in plain floats: on one to three axes numpy's calls cost five times the arithmetic. What is

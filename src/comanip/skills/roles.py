@@ -20,6 +20,7 @@ import numpy as np
 from ..errors import MismatchError
 from ..interfaces import Array, Command, Observation
 from ..kernels import layouts
+from ..kernels.copies import Copied
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
 from ..signals.vectors import length, plain_sum
@@ -63,7 +64,7 @@ class Doubts:
     gate: float = 20.0  # [nats] most that one sample may say
 
 
-class RoleEvidence:
+class RoleEvidence(Copied):
     """Probability of each role, updated tick by tick: a bank of forward filters, one a role and partner's strength.
 
     Each filter is the role's HMM with its forces scaled by a gain and its covariance widened by the doubts; its predictive
@@ -72,6 +73,8 @@ class RoleEvidence:
     models   role -> Hmm with channels "position.*", "force.*", "velocity.*" of the same axes
     names    the roles, then "neither"; probabilities (len(names),) are in this order
     """
+
+    ANEW = ("bank",)
 
     def __init__(self, models: Mapping[str, Hmm], *, dt: float, doubts: Doubts = Doubts()) -> None:
         channels = {m.channels for m in models.values()}
@@ -94,12 +97,15 @@ class RoleEvidence:
         self._prior[-1] = 1.0 / len(self.names)
         self._p, self._until = self._prior.copy(), np.zeros(1)
         self.probabilities = np.zeros(len(self.names))
-        self.bank = None  # all of this for a compiled tick
+        self._link()
+        self.reset()
+
+    def _link(self) -> None:
+        self.bank, dt, doubts = None, self._dt, self._doubts  # all of this for a compiled tick
         if all(one.compiled is not None for one in self._filters):
             numbers = np.array([dt, dt / doubts.switch_s, dt / doubts.memory_s, doubts.gate])
             filters = tuple(one.compiled for one in self._filters)
             self.bank = (filters, self._prior, self._centre, self._spread, numbers, self._p, self.probabilities, self._until)
-        self.reset()
 
     def _noise(self, groups: Array, means: Array) -> Array:
         places = means[:, groups == "position"]
@@ -202,7 +208,7 @@ class RolePolicy:
         )
 
 
-class RoleSkill:
+class RoleSkill(Copied):
     """Leads or follows, as the partner leaves it to do; both from lessons of those roles.
 
     watch        shows where in the leader's task this is
@@ -218,6 +224,7 @@ class RoleSkill:
     """
 
     stop_reason = ""
+    ANEW = ("_compiled", "_go_on")
 
     def __init__(
         self,
@@ -252,12 +259,17 @@ class RoleSkill:
         self._way = np.zeros(d)  # where an offer pushes
         self._complies_only, self._outside = False, 0.0
         self._state = FOLLOWS
-        shared = [getattr(policy, name) for name in layouts.BLOCKS["policy"]]
+        self._begun = False
+        self._link()
+
+    def _link(self) -> None:
+        shared = [getattr(self.policy, name) for name in layouts.BLOCKS["policy"]]
         self._compiled = compiled(
-            watch, self._pace, self._compliance, self._where, self._memory, dt, following=self._laws[0],
-            policy=shared, pull_s=PULL_S, bias_s=BIAS_S, bank=evidence and evidence.bank,
+            self._watch, self._pace, self._compliance, self._where, self._memory, self._dt, following=self._laws[0],
+            policy=shared, pull_s=PULL_S, bias_s=BIAS_S, bank=self.evidence and self.evidence.bank,
         )  # fmt: skip
-        self._go_on: Callable[..., bool] | None = None  # the compiled tick of a state; it says itself when that may change
+        # the compiled tick of a state; it says itself when that may change
+        self._go_on: Callable[..., bool] | None = self._plain() if self._begun else None
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
@@ -317,7 +329,7 @@ class RoleSkill:
         if self._complies_only:
             self._state = FOLLOWS
         self._meant = self._blend[0] = float(self._state == LEADS)
-        self._go_on = self._plain()
+        self._go_on, self._begun = self._plain(), True
 
     def step(self, obs: Observation, command: Command) -> None:
         go_on = self._go_on

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ..interfaces import Array
+from ..kernels.copies import Copied
 from ..signals.vectors import dot, length
 from .reference import PhaseReference
 
@@ -37,7 +38,7 @@ ASTRAY = 1e-6  # chance that motion came elsewhere than along the path
 ABSURD_M = 1e6  # no robot is so far away or so fast: squares stay finite
 
 
-class Whereabouts:
+class Whereabouts(Copied):
     """Probability of each station; `phase` [s] on the path of the likeliest `goal`, and `goals` (G,), the probability of each.
 
     memory   the stations' probabilities (M,), then the offset (d,) of where it began from the path, then: time to the next

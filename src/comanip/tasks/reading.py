@@ -17,6 +17,8 @@ from .way import STEP_S, usual, way
 
 MOST_AXES = 6
 MOST_CYCLES = 1000
+MOST = 1e6  # no task is so large or so heavy, in any unit,
+MOST_S = 3600.0  # and none so long: its ways are sampled
 TOP = ("name", "about", "fixed_places", "axes", "object", "phases", "goals", "obstacles", "success", "lessons", "partners")
 NEEDED = {
     "move": ("duration_s",),
@@ -43,7 +45,7 @@ def read_task(file: str | Path) -> Task:
         raise ParameterError(f"{path}: byte {error.start} is not UTF-8; a task is a TOML file, see docs/tasks.md") from None
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ParameterError(f"{path}: not TOML: {error}") from None
     return _Reader(str(path), path.stem).task(table)
 
@@ -104,13 +106,13 @@ class _Reader:
         return value
 
     def _number(
-        self, value: Any, key: str, *, above: float | None = None, least: float | None = None, most: float = np.inf
+        self, value: Any, key: str, *, above: float | None = None, least: float | None = None, most: float = MOST
     ) -> float:
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
             raise self._fail(key, f"must be a finite number; got {value!r}")
-        if (above is not None and not value > above) or (least is not None and not value >= least) or value > most:
-            low = f"> {above:g}" if above is not None else f">= {least:g}" if least is not None else "any"
-            raise self._fail(key, f"is {value:g}; allowed: {low}" + (f" and <= {most:g}" if isfinite(most) else ""))
+        if (above is not None and not value > above) or (least is not None and not value >= least) or abs(value) > most:
+            low = f"> {above:g}" if above is not None else f">= {-most if least is None else least:g}"
+            raise self._fail(key, f"is {value:g}; allowed: {low} and <= {most:g}")
         return float(value)
 
     def _axes(self, table: Mapping[str, Any]) -> tuple[Axis, ...]:
@@ -168,7 +170,7 @@ class _Reader:
         if kind not in NEEDED:
             raise self._fail(f"{key}.kind", f"is {kind!r}; allowed: {', '.join(NEEDED)}")
         self._known(one, key, ("kind", *ALLOWED[kind]), NEEDED[kind])
-        duration = self._number(one["duration_s"], f"{key}.duration_s", above=0.0)
+        duration = self._number(one["duration_s"], f"{key}.duration_s", above=0.0, most=MOST_S)
         if kind == "rest":
             if not before:
                 raise self._fail(key, "a task begins with a motion; a partner's onset is drawn (partners.onset_s)")
@@ -225,17 +227,17 @@ class _Reader:
             if isinstance(default, str):
                 made[name] = self._text(given, at)
             elif isinstance(default, tuple):
-                made[name] = self._range(given, at)
+                made[name] = self._range(given, at, MOST_S if name.endswith("_s") else MOST)
             elif kind is Success and given == inf:  # not asked for
                 made[name] = inf
             else:
-                made[name] = self._number(given, at, least=0.0)
+                made[name] = self._number(given, at, least=0.0, most=MOST_S if name.endswith("_s") else MOST)
         return kind(**made)
 
-    def _range(self, value: Any, key: str) -> tuple[float, float]:
+    def _range(self, value: Any, key: str, most: float) -> tuple[float, float]:
         if not isinstance(value, list) or len(value) != 2:
             raise self._fail(key, f"must be [lowest, highest]; got {value!r}")
-        low, high = (self._number(one, key, least=0.0) for one in value)
+        low, high = (self._number(one, key, least=0.0, most=most) for one in value)
         if low > high:
             raise self._fail(key, f"must be [lowest, highest]; got {value!r}")
         return low, high

@@ -19,6 +19,8 @@ from ..skills.baselines import ActivePassive, Homotopy, MassDamper, MinimumJerkF
 from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill, Watch
 from ..skills.reference import PhaseReference
 from ..skills.roles import RoleSkill
+from ..tasks import Task
+from .policies import is_policy, policy_skill
 
 TUNED = {
     "mass_kg": 6.0,
@@ -44,16 +46,22 @@ def contestant(
     dt: float,
     envelope: bool = True,
     goal: Array | None = None,
+    task: Task | None = None,
 ) -> Skill:
-    """The skill that `law`, of `parts.LAWS`, stands for, told `role` ("auto": told nothing). A baseline takes from the lessons
-    only where they end.
+    """The skill that `law`, of `parts.LAWS` or a policy's file (`trials.policies`), stands for.
+
+    Told `role` ("auto": told nothing). A baseline takes from the lessons only where they end.
 
     goal   (d,) [m] where the task is to end, for who leads: of several taught goals, baselines too take the nearest
 
     Raises ParameterError for a law that is unknown, that cannot do without being told its role, or without skills of both roles.
     """
     learned = learned if goal is None else told(learned, goal)
-    part, axes = known("law", law, LAWS), any_of(learned).axes
+    axes = any_of(learned).axes
+    if is_policy(law):
+        policy = policy_skill(law, role, learned, axes=axes, dt=dt, goal=goal, task=task)
+        return enveloped(policy, axes=axes, dt=dt) if envelope else policy
+    part = known("law", law, LAWS)
     if role == "auto" and not part.untold:
         able = ", ".join(name for name, other in LAWS.items() if other.untold)
         raise ParameterError(f"law {law!r} has to be told its role; auto works with: {able}")

@@ -47,7 +47,7 @@ class PartnersFrom:
         try:
             person = maker(**_wanted(maker, {"case": case, "rng": rng}))
         except Exception as error:
-            raise ParameterError(f"{self.path}: {maker.__name__}: {_where(error, self.path)}") from None
+            raise ParameterError(f"{self.path}: {maker.__name__}: {where(error, self.path)}") from None
         if not isinstance(person, Partner):
             raise ParameterError(f"{self.path}: {maker.__name__} gives {type(person).__name__}, which lacks reset or force")
         for name, value in stated_by(person).items():
@@ -60,7 +60,7 @@ class PartnersFrom:
         return Foreign(person, self.path)
 
     def _makers(self) -> list[Any]:
-        module = _loaded(self.path)
+        module = module_of(self.path, "--partners-from", WHAT)
         if callable(function := getattr(module, "partner", None)):
             return [function]
         classes = [
@@ -83,14 +83,14 @@ class Foreign:
         try:
             self.person.reset(position)
         except Exception as error:
-            raise ParameterError(f"{self._path}: {type(self.person).__name__}.reset: {_where(error, self._path)}") from None
+            raise ParameterError(f"{self._path}: {type(self.person).__name__}.reset: {where(error, self._path)}") from None
 
     def force(self, time: float, position: Array, velocity: Array, out: Array) -> None:
         try:
             self.person.force(time, position, velocity, out)
         except Exception as error:
             at = f"{type(self.person).__name__}.force at {time:.3f} s"
-            raise ParameterError(f"{self._path}: {at}: {_where(error, self._path)}") from None
+            raise ParameterError(f"{self._path}: {at}: {where(error, self._path)}") from None
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or name in ("person", "_path"):
@@ -98,7 +98,7 @@ class Foreign:
         return getattr(self.person, name)
 
 
-def _where(error: Exception, path: str) -> str:
+def where(error: Exception, path: str) -> str:
     """What was raised, and the last line of the file that had a part in it."""
     lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).resolve() == Path(path).resolve()]
     what = str(error) or ("more than is allowed" if isinstance(error, MemoryError) else "no message")
@@ -150,20 +150,24 @@ def _wanted(maker: Any, offered: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in offered.items() if name in names}
 
 
-def _loaded(path: str) -> ModuleType:
-    name = f"_comanip_partners_{abs(hash(path))}"
+def module_of(path: str, flag: str, what: str) -> ModuleType:
+    """Somebody's Python file as a module, loaded once a process and until it changes.
+
+    Raises ParameterError, in one line with the file's, for one that is absent or raises; `flag` and `what` say what was wanted.
+    """
+    if not Path(path).is_file():
+        raise ParameterError(f"{path}: no such file; {flag} takes a Python file with {what}")
+    name = f"_comanip_{flag.strip('-').replace('-', '_')}_{abs(hash((path, Path(path).stat().st_mtime_ns)))}"
     if name in sys.modules:
         return sys.modules[name]
-    if not Path(path).is_file():
-        raise ParameterError(f"{path}: no such file; --partners-from takes a Python file with {WHAT}")
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise ParameterError(f"{path}: not a Python file; --partners-from takes one with {WHAT}")
+        raise ParameterError(f"{path}: not a Python file; {flag} takes one with {what}")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
     except Exception as error:
         del sys.modules[name]
-        raise ParameterError(f"{path}: {_where(error, path)}") from error
+        raise ParameterError(f"{path}: {where(error, path)}") from error
     return module

@@ -30,7 +30,7 @@ from ..tasks import Task
 from .cases import HAND_KG, ROLES, SHORT_S, TASK, Case, draw_case, partner_of
 from .contestants import contestant
 from .judging import DIVERGED, Bounds, Verdict, bounds, judge, success_interval
-from .running import clearance, estimator_for, run_case
+from .running import clearance, estimator_for, policy_fault, run_case
 
 VIBRATION_N = 0.8  # rms above 2.5 Hz, in motion
 IN_TIME_S = 1.5  # after a leading partner has come to the end
@@ -167,7 +167,7 @@ def meet(
     skill: Skill | None = None,
 ) -> tuple[Recording, Met]:
     """The recording of one partner, and what came of it. `skill`: another than `law` makes from what was learned."""
-    skill = skill or contestant(law, case.role, learned, dt=dt)
+    skill = skill or contestant(law, case.role, learned, dt=dt, task=case.task)
 
     def partner(_: Case, rng: np.random.Generator) -> Partner:
         return person_of(case, rng, learned, dt) if case.kind else partner_of(case, rng)
@@ -175,7 +175,8 @@ def meet(
     with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
         recording = run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law, "kind": kind_name(case)})
         ends = learned["leader" if "leader" in learned else case.role].ends
-        return recording, judged(case, recording, taught_ends_m=ends, lessons_clearance_m=clearance(learned))
+        met = judged(case, recording, taught_ends_m=ends, lessons_clearance_m=clearance(learned))
+        return recording, met._replace(failures=met.failures + policy_fault(recording))
 
 
 def kind_name(case: Case) -> str:

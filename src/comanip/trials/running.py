@@ -24,6 +24,7 @@ from .judging import Verdict, judge
 
 START_M = float(named(TASK).start[0])  # of the hand in the usual task
 EXPECTED_DELAY_S = 0.010  # of the force sensor behind the velocity: 0 to 20 ms in the draw, and the robot knows no better
+POLICY_FAULT = "HOLD: policy: "  # how the envelope says so
 PLAN_S = 0.05  # between two points of a plan that pictures show
 MakePartner = Callable[[Case, np.random.Generator], Partner]
 
@@ -50,7 +51,7 @@ def run_case(
     case = case.starting(start_m)
     rng = np.random.default_rng(case.seed)
     person = partner(case, rng)
-    world = _plant(plant, person, case, dt, rng)
+    world = plant_for(plant, person, case, dt, rng)
     estimator = estimator_for(case, dt)
     about = {
         "role": case.role,
@@ -92,7 +93,8 @@ def _plan(case: Case) -> dict[str, Any]:
     return {"time_s": times.tolist(), "displacement_m": course.sampled(times).tolist()}
 
 
-def _plant(name: str, person: Partner, case: Case, dt: float, rng: np.random.Generator) -> Plant:
+def plant_for(name: str, person: Partner, case: Case, dt: float, rng: np.random.Generator) -> Plant:
+    """The plant of `parts.PLANTS` with this person and this day's object and sensor."""
     sensor = WristSensor(case.force_noise_n, case.force_bias_n, case.sensor_delay_s)
     beam = Beam(mass_kg=case.beam_mass_kg, length_m=case.task.carried.length_m)
     made: Plant = known("plant", name, PLANTS).load()(
@@ -142,11 +144,18 @@ def one_run(
     partner: MakePartner = partner_of,
 ) -> tuple[Recording, Verdict]:
     """The recording of one case, and the verdict on it."""
-    skill = contestant(law, case.role, learned, dt=dt, goal=told_goal(case))
+    skill = contestant(law, case.role, learned, dt=dt, goal=told_goal(case), task=case.task)
     with np.errstate(all="ignore"):  # a law that diverges is a verdict, not a warning
         recording = unbroken(run_case(case, skill, plant=plant, dt=dt, partner=partner, metadata={"law": law}))
         ends = learned["leader" if "leader" in learned else case.role].ends
-        return recording, judge(case, recording, taught_ends_m=ends, lessons_clearance_m=clearance(learned))
+        verdict = judge(case, recording, taught_ends_m=ends, lessons_clearance_m=clearance(learned))
+        return recording, verdict._replace(failures=verdict.failures + policy_fault(recording))
+
+
+def policy_fault(recording: Recording) -> tuple[str, ...]:
+    """Why the envelope stopped what it is around, where that failed: an exception, a number that is not finite, a wrong shape."""
+    said = str(recording.metadata.get("notice", ""))
+    return (f"policy: {said.removeprefix(POLICY_FAULT)}",) if said.startswith(POLICY_FAULT) else ()
 
 
 def told_goal(case: Case) -> Array | None:

@@ -1,0 +1,279 @@
+"""The Gymnasium environment: the checker's word, the trial's own numbers, bytes by seed, and errors that leave it usable."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium", reason="the extra gym is not installed")
+
+import comanip.gym  # noqa: E402
+from comanip.errors import ParameterError  # noqa: E402
+from comanip.gym import Setting, trial_cases  # noqa: E402
+from comanip.gym.episode import LOST, SUCCESS, Episode  # noqa: E402
+from comanip.parts import TASKS  # noqa: E402
+from comanip.skills.baselines import MassDamper  # noqa: E402
+from comanip.tasks import named  # noqa: E402
+from comanip.trials import contestant, judge, run_case  # noqa: E402
+from comanip.trials.people import meet  # noqa: E402
+
+RUNNABLE = [name for name in TASKS if not named(name).needs]
+
+
+def make(task="lift", role="follower", **about):
+    return gymnasium.make("comanip/Carry-v0", task=task, role=role, disable_env_checker=True, **about).unwrapped
+
+
+def played(env, policy, seed=None, options=None, most=10_000):
+    """Observations, rewards and the last info of one episode."""
+    obs, info = env.reset(seed=seed, options=options)
+    seen, got = [obs], []
+    for _ in range(most):
+        obs, reward, over, cut, info = env.step(policy(obs))
+        seen.append(obs)
+        got.append(reward)
+        if over or cut:
+            break
+    return np.array(seen), np.array(got), info
+
+
+def damper(obs):
+    return obs[2 * len(obs) // 3 :] / 25.0
+
+
+@pytest.mark.parametrize("about", [{}, {"role": "leader", "task": "slide"}, {"action": "acceleration", "history": 3}])
+def test_gymnasiums_own_checker_has_nothing_to_say(about):
+    from gymnasium.utils.env_checker import check_env
+
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        check_env(make(render_mode="rgb_array", **about))
+    told = [str(one.message) for one in said]
+    assert [one for one in told if "normalized space" not in one] == []  # ours are m/s and m/s^2: docs/gym.md says how to scale
+
+
+def test_it_is_registered_by_importing_its_room_and_by_its_name():
+    imports = ("import comanip.gym", "import comanip", "name = 'comanip.gym:comanip/Carry-v0'")
+    for code in (f"name = 'comanip/Carry-v0'; {more}" for more in imports):
+        done = subprocess.run([sys.executable, "-c", f"import gymnasium; {code}; gymnasium.make(name)"], capture_output=True)
+        assert done.returncode == 0, done.stderr
+
+
+def test_importing_comanip_loads_nothing_of_it():
+    code = "import comanip, sys; print(*[m for m in sys.modules if m.startswith(('gymnasium', 'comanip.gym', 'numpy'))])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.split() == []
+
+
+@pytest.mark.parametrize("role", ["leader", "follower", "auto"])
+def test_a_run_is_that_of_trial_to_the_last_bit(role, skills):
+    setting = Setting.of("lift", role, ends_early=False)
+    for case in trial_cases(role, 3, seed=7):
+        brain = MassDamper(n_axes=1, dt=0.01, mass_kg=6.0, damping_ns_per_m=20.0)
+        episode = Episode(setting, case, skills, brain=brain)
+        while not episode.over:
+            episode.tick()
+        wanted = run_case(case, contestant("mass-damper", role, skills, dt=0.01))
+        got = episode.recording()
+        assert {n: (c.values == wanted[n].values).all() for n, c in got.channels.items()} == dict.fromkeys(got.channels, True)
+        assert set(got.channels) == set(wanted.channels)
+        verdict = judge(case, wanted, taught_ends_m=skills["leader"].ends)
+        assert repr(episode.verdict) == repr(verdict)
+
+
+def test_people_of_a_kind_are_judged_as_trial_people_does(skills):
+    setting = Setting.of("lift", "follower", ["sways", "usual"], ends_early=False)
+    for case in trial_cases("follower", 1, people=["sways", "usual"]):
+        episode = Episode(setting, case, skills, brain=MassDamper(n_axes=1, dt=0.01, mass_kg=6.0, damping_ns_per_m=20.0))
+        while not episode.over:
+            episode.tick()
+        assert episode.verdict.failures == meet(case, skills, "mass-damper")[1].failures
+
+
+@pytest.mark.parametrize("role", ["leader", "follower", "auto"])
+def test_ending_early_changes_no_success(role):
+    early, whole = (make(role=role, ends_early=ends) for ends in (True, False))
+    stopped = 0
+    for case in trial_cases(role, 6, seed=3):
+        for policy in (lambda obs: [0.0], lambda obs: [0.25], damper):
+            one, other = (played(env, policy, options={"case": case}) for env in (early, whole))
+            assert one[2]["success"] == other[2]["success"]
+            stopped += len(one[1]) < len(other[1])
+            if one[2]["reason"] != "duration":
+                assert one[2]["reason"] in one[2]["failures"]
+                assert one[1].sum() < other[1].sum()
+    assert stopped
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not():
+    def run(seed):
+        env = make(people="all", role="auto", history=2)
+        return [played(env, lambda obs: [0.1 * np.sin(obs[0])], seed=seed if n == 0 else None, most=300)[0] for n in range(3)]
+
+    one, same, other = run(5), run(5), run(6)
+    assert all(a.tobytes() == b.tobytes() for a, b in zip(one, same, strict=True))
+    assert not all(a.tobytes() == b.tobytes() for a, b in zip(one, other, strict=True))
+
+
+def test_the_reward_is_the_sum_of_its_parts_and_a_success_is_worth_ten():
+    env, kept = make(misbehaving=0.0), []
+    law = MassDamper(n_axes=1, dt=0.01, mass_kg=6.0, damping_ns_per_m=20.0)
+    env.reset(seed=0)
+    for seed in range(4):
+        total, force = 0.0, np.zeros(1)
+        obs, _ = env.reset(seed=seed)
+        law.reset(None)
+        while True:
+            force[:] = obs[2]
+            obs, reward, over, _, info = env.step(law.move(force, 20.0))
+            assert reward == pytest.approx(sum(info["parts"].values()))
+            assert all(info["parts"][name] <= 0.0 for name in ("place", "effort", "rough"))
+            total += info["parts"]["end"]
+            if over:
+                break
+        kept.append((info["success"], total))
+    assert {worth for good, worth in kept if good} == {SUCCESS}
+    assert any(good for good, _ in kept)
+    obs, rewards, info = played(make(role="leader", misbehaving=0.0), lambda obs: [0.0], seed=0)
+    assert info["reason"] == "did not start in time"
+    assert rewards[-1] < 0.5 * LOST
+
+
+@pytest.mark.parametrize("task", RUNNABLE)
+def test_every_task_runs_in_every_role(task, monkeypatch):
+    monkeypatch.setattr(Setting, "learned", lambda self: {})  # the lessons' ends take seconds a task, and change no step
+    for role in ("leader", "follower", "auto"):
+        env = make(task, role, most_ticks=40)
+        n = len(named(task).axes)
+        assert env.action_space.shape == (n,)
+        obs, _, info = played(env, lambda obs, n=n: np.zeros(n), seed=1)
+        assert obs.shape[1] == (3 + (role == "leader" and task == "two-shelves")) * n
+        assert np.isfinite(obs).all()
+        assert all(env.observation_space.contains(one) for one in obs)
+        assert "success" not in info
+
+
+@pytest.mark.parametrize(
+    ("action", "says"),
+    [
+        ([np.nan], r"action is \[nan\]; allowed: \(1,\) finite numbers of a velocity \[m/s\]"),
+        ([np.inf], "inf"),
+        ([0.1, 0.1], r"action has shape \(2,\); allowed: \(1,\)"),
+        (0.1, r"action has shape \(\)"),
+        ("up", "action is 'up'"),
+        (None, r"\[nan\]|shape \(\)|None"),
+    ],
+)
+def test_a_bad_action_is_one_clear_error_and_the_run_goes_on_as_if_nothing_was(action, says):
+    env, other = make(), make()
+    env.reset(seed=2)
+    other.reset(seed=2)
+    for _ in range(30):
+        with pytest.raises(ParameterError, match=says):
+            env.step(action)
+        assert env.step([0.0])[0].tobytes() == other.step([0.0])[0].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("about", "says"),
+    [
+        ({"task": "fly"}, "task 'fly' is unknown; there are: lift"),
+        ({"task": "door"}, "cannot be run yet"),
+        ({"role": "boss"}, "role 'boss' is unknown; there are: leader, follower, auto"),
+        ({"people": "martians"}, "kind of person 'martians' is unknown"),
+        ({"people": "sticks"}, "none of them can be the partner of a robot as follower"),
+        ({"people": 7}, "people is 7"),
+        ({"plant": "moon"}, "plant 'moon' is unknown; there are: beam"),
+        ({"action": "torque"}, "action 'torque' is unknown; there are: velocity, acceleration"),
+        ({"history": 0}, "history is 0"),
+        ({"misbehaving": 2.0}, "misbehaving is a share"),
+    ],
+)
+def test_what_does_not_exist_is_said_with_what_does(about, says):
+    with pytest.raises(ParameterError, match=says):
+        make(**about).reset(seed=0)
+
+
+def test_stepping_after_the_end_and_before_the_start_is_said():
+    env = make(role="leader")
+    with pytest.raises(ParameterError, match=r"call reset\(\)"):
+        env.step([0.0])
+    played(env, lambda obs: [0.0], seed=0)
+    with pytest.raises(ParameterError, match=r"call reset\(\)"):
+        env.step([0.0])
+    env.reset()
+    env.step([0.0])
+    with pytest.raises(ParameterError, match="allowed: case"):
+        env.reset(options={"partner": 3})
+    with pytest.raises(ParameterError, match="role is 'follower'; this environment's is 'leader'"):
+        env.reset(options={"case": trial_cases("follower", 1)[0]})
+
+
+def test_history_holds_the_last_ticks_oldest_first():
+    one, three = make(), make(history=3)
+    a, _, _ = played(one, damper, seed=4, most=200)
+    obs, _ = three.reset(seed=4)
+    assert (obs.reshape(3, 3) == a[0]).all()
+    for n in range(200):
+        obs, *_ = three.step(damper(a[n]))
+        assert (obs.reshape(3, 3) == a[[max(n - 1, 0), n, n + 1]]).all()
+
+
+def test_acceleration_is_summed_up_to_velocity():
+    a, b = make(role="leader", action="acceleration"), make(role="leader")
+    a.reset(seed=1)
+    b.reset(seed=1)
+    for n in range(60):
+        one, other = a.step([0.5])[0], b.step([0.005 * (n + 1)])[0]
+        assert one == pytest.approx(other, abs=1e-12)
+
+
+def test_a_picture_shows_where_the_hand_is():
+    env = make(render_mode="rgb_array", role="leader")
+    env.reset(seed=0)
+    first = env.render()
+    assert (first.shape, first.dtype) == ((240, 400, 3), np.uint8)
+    for _ in range(80):
+        env.step([0.3])
+    rows = [np.argwhere((image == (38, 84, 124)).all(axis=2))[:, 0].mean() for image in (first, env.render())]
+    assert rows[1] < rows[0] - 20.0, "a hand that was lifted is drawn higher"
+    assert make().render() is None
+    with pytest.raises(ParameterError, match="render_mode is 'human'; allowed: rgb_array"):
+        comanip.gym.CarryEnv(render_mode="human")
+
+
+@pytest.mark.parametrize("task", ["lift", "slide", "round-the-corner"])
+@pytest.mark.parametrize("policy", ["nothing", "holds", "lifts alone"])
+def test_who_ignores_the_partner_scores_nothing(task, policy, monkeypatch):
+    """Of partners who behave: a follower who moves first has lost, and a score is the worst role's (docs/gym.md)."""
+    monkeypatch.setattr(Setting, "learned", lambda self: {})
+    goal, good = np.array(named(task).phases[0].to), []
+    for role in ("leader", "follower"):
+        env, won = make(task, role, misbehaving=0.0), 0
+        d = env.action_space.shape[0]
+        for case in trial_cases(role, 6, seed=11, task=task, misbehaving=0.0):
+            t, start = [0.0], case.start_m
+
+            def act(obs, t=t, start=start, d=d):
+                t[0] += 0.01
+                if policy == "nothing":
+                    return np.zeros(d)
+                s = min(t[0] / 2.0, 1.0)
+                share = s**3 * (10.0 + s * (-15.0 + 6.0 * s)) if policy == "lifts alone" else 0.0
+                return 5.0 * (start + share * goal - obs[:d])
+
+            won += played(env, act, options={"case": case})[2]["success"]
+        good.append(won / 6)
+    assert min(good) == 0.0
+    assert policy == "lifts alone" or max(good) == 0.0
+
+
+def test_without_gymnasium_the_room_says_what_to_install(monkeypatch):
+    from comanip.gym.needing import needed
+
+    with pytest.raises(ParameterError, match=r"pip install 'comanip\[gym\]'"):
+        needed("no_such_gymnasium")
+    assert comanip.gym.ID == "comanip/Carry-v0"
