@@ -34,7 +34,7 @@ from .checker import Checker
 from .compiled_tick import LENT, MOST_AXES, Ordinary
 from .detectors import Jump, LetGo, Pushed, Shaking, Sinking, Stuck
 from .limits import Limits
-from .situation import BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation
+from .situation import BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation, taught_by
 
 NAMES = ("RUN", "COMPLY", "HOLD")
 SAME_SAMPLE = 1e-3  # of a period: a stamp that advances by less is the same sample again, and its clock is not believed
@@ -81,7 +81,7 @@ class Envelope(Copied, Situation, Bounds):
         self._frozen: dict[str, Array] | None = None
         self._ordinary: Any = None
         self._is_lent = self._ran = False
-        self._taught = self._taught_by(skill)
+        self._taught = taught_by(skill, self._d)
         self._restart(0.0, [0.0] * d)
         self._fault("not started")
         self._link()
@@ -185,14 +185,9 @@ class Envelope(Copied, Situation, Bounds):
             return f"policy: {error!r}"
         self._take_back()
         self._frozen = {name: array.copy() for name, array in shown.items()}
-        self.skill, self._taught = skill, self._taught_by(skill)
+        self.skill, self._taught = skill, taught_by(skill, self._d)
         self._confidence[0] = 0.0
         return ""
-
-    def _taught_by(self, skill: Skill) -> Array:
-        """(d,) [m/s] How fast lessons went where the hand is, as the skill says each tick; 0 of one that does not know."""
-        taught = getattr(skill, "taught", None)
-        return taught if isinstance(taught, np.ndarray) and taught.shape == (self._d,) else np.zeros(self._d)
 
     def _enter(self, obs: Observation, resumes: bool) -> None:
         """The skill from rest where the arm is; `resumes`: in the part of the task in which it was, if it knows how to."""

@@ -32,7 +32,7 @@ from ..kernels.copies import Copied
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
 from ..signals.vectors import dot, length
-from .compliance import ABSURD, Compliance
+from .compliance import ABSURD, Compliance, command_velocity, untaught
 from .foresight import Foresight
 from .reference import PhaseReference
 from .whereabouts import Whereabouts
@@ -42,7 +42,6 @@ FADES_S, FADES_BELOW = 1.0, 0.7  # an offset from the path fades in so long at l
 EASES_S = 0.8  # who enters where lessons were in motion comes up to their speed in this time,
 BEGINS_S = 0.3  # and where they began, in this: what counts as motion in a lesson begins at a few per cent of its speed, not at 0
 MOST_FORESEEN = 3.0  # [m/s^2] of acceleration that is anticipated; quick strokes have 2
-AS_SLOW = 4.0
 SAID_M = 0.05  # an offset that is worth saying
 LATEST = 1.8  # times as long as taught a leader may take: long motions at the slowest clock would outlast the partner's patience
 
@@ -423,11 +422,6 @@ class CollaborativeSkill(Copied):
         return self._foreseen
 
 
-def untaught(velocity: Array, taught: Array) -> float:
-    """In [0, 1]: whether lessons never went that way there, or `AS_SLOW` times as slowly; both (d,) [m/s]."""
-    return max(1.0 - AS_SLOW * length(taught.tolist()) / max(length(velocity.tolist()), 1e-6), 0.0)
-
-
 def believable(position: Array) -> Array:
     """Where the hand begins: a missing coordinate is 0, and none is so large that its square is no number."""
     return np.clip(np.nan_to_num(position), -ABSURD, ABSURD)
@@ -489,21 +483,6 @@ def compiled(
         (*tables, goals), compliance.memory, pace.memory, memory, watch.until, watch.seen,
         (where.stations, where.firsts, where.memory, where.goals), d, dt, watch.model_dt, pull_s, bias_s, bank,
     )  # fmt: skip
-
-
-def command_velocity(law: CollaborativeLaw, dt: float, x: Array, wanted: Array, velocity: Array, command: Command) -> None:
-    """Moves `velocity` (d,) toward `wanted` no faster than the law's acceleration, and fills `command` from it."""
-    limit, before = law.max_acceleration_m_per_s2 * dt, velocity.tolist()
-    changes = [w - v for w, v in zip(wanted.tolist(), before, strict=True)]
-    size = length(changes)
-    share = limit / size if size > limit else 1.0
-    for i, (p, v, change) in enumerate(zip(x.tolist(), before, changes, strict=True)):
-        change *= share
-        v += change
-        velocity[i] = v
-        command.velocity[i] = v + law.lead_s / dt * change
-        command.position[i] = p + dt * v
-        command.acceleration[i] = change / dt
 
 
 def _finite(values: Array) -> bool:

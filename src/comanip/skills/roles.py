@@ -33,13 +33,12 @@ from .collaborate import (
     Pace,
     Watch,
     believable,
-    command_velocity,
     compiled,
     goals_shown,
     memory,
     off_path,
-    untaught,
 )
+from .compliance import command_velocity, untaught
 from .reference import PhaseReference
 from .whereabouts import Whereabouts
 
