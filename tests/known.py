@@ -4,23 +4,13 @@ taken off the list. `BY_TIME` may pass: the machine's speed decides, or nobody h
 
 LIGHT = "an arm that pulls by about its weight is taken for letting go"
 JUMP = "what a resting person does may read as a jump of the sensor's zero under the faster force estimate"
-CRANK = "the envelope stops a partner who turns the crank firmly"
 FASTER = "the leader is faster than this claim was written for"
 
 KNOWN = {
-    "tests/faults/test_safety_faults.py::test_C25_C27_a_force_that_lies_moves_the_hand_no_farther_and_no_faster_than_taught"
-    "[220-<lambda>5-follower]": "6 N along the motion are believed: this lie is said late",
-    "tests/faults/test_people_faults.py::test_C9_what_people_do_at_rest_is_no_jump[0]": JUMP,
     "tests/faults/test_people_faults.py::test_C9_what_people_do_at_rest_is_no_jump[2]": JUMP,
-    "tests/faults/test_people_faults.py::test_C9_what_people_do_at_rest_is_no_jump[3]": JUMP,
     "tests/faults/test_people_faults.py::test_C12_a_wall_stops_it_and_is_not_pressed_on[leader]": LIGHT,
-    "tests/faults/test_people_faults.py::test_C14_shaking_at_3_Hz_does_not_grow_and_is_said[follower-40.0]": "cause not found",
     "tests/laws/test_hammer.py::test_no_invariant_breaks_and_the_adversary_stays_within_walls_and_budget[2]": "cause not found",
     "tests/plants/test_humanoid.py::test_a_lesson_that_ends_so_is_kept_in_its_file_with_the_reason": "cause not found",
-    "tests/skills/test_many_tasks.py::test_told_nothing_it_follows_who_leads_and_does_not_take_over_after_the_end"
-    "[0.85-crank]": CRANK,
-    "tests/skills/test_many_tasks.py::test_told_nothing_it_follows_who_leads_and_does_not_take_over_after_the_end"
-    "[1.1-crank]": CRANK,
     "tests/skills/test_many_tasks.py::test_started_beside_what_was_taught_a_leader_moves_over_no_faster_than_taught[-0.25]": (
         "25 cm beside is beyond the walls"
     ),

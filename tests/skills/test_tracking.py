@@ -12,6 +12,7 @@ from comanip.errors import ParameterError, TrainingError
 from comanip.learned.skill import learn
 from comanip.reproduction import make_auto, make_skill, references_of
 from comanip.skills.collaborate import LATEST, CollaborativeLaw, Compliance, Pace
+from comanip.skills.compliance import untaught
 from comanip.skills.reference import GAINS_PER_S, INTERVENES_M_PER_S, PhaseReference
 
 DT = 0.01
@@ -134,3 +135,47 @@ def test_a_path_that_repeats_is_begun_at_its_beginning_by_who_starts_a_little_be
 
 def test_references_of_a_skill_have_no_gain_of_their_own():
     assert (references_of(learn(lessons("lift", "leader", seed=11)))[0].gain == 1.0).all()
+
+
+def round_a_corner():
+    """(N, 2): along x, and then along y, 0.3 m each in 2 s."""
+    n, still = 200, np.zeros(201)
+    s = minimum_jerk(n)
+    return np.column_stack([np.concatenate([s, still[1:] + 0.3]), np.concatenate([still, s[1:]])])
+
+
+def minimum_jerk(n):
+    u = np.arange(n + 1) / n
+    return 0.3 * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.8])
+def test_how_fast_lessons_went_that_way_is_of_the_place_and_the_direction(turn_rad):
+    r = np.array([[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]])
+    reference = PhaseReference(round_a_corner() @ r.T, np.zeros((401, 2)), 0.01)
+
+    def taught(position, velocity):
+        return r.T @ reference.that_way(r @ np.array(position), r @ np.array(velocity))
+
+    top = 1.875 * 0.3 / 2.0
+    assert taught([0.15, 0.0], [0.1, 0.0]) == pytest.approx([top, 0.0], rel=2e-3)
+    assert taught([0.15, 0.0], [-0.1, 0.0]) == pytest.approx([0.0, 0.0], abs=1e-9)  # nobody went back
+    assert taught([0.3, 0.15], [0.0, 0.5]) == pytest.approx([0.0, top], rel=2e-3)
+    assert taught([0.9, 0.9], [0.1, 0.0]) == pytest.approx([0.0, 0.0], abs=1e-12)  # nobody was there
+    assert taught([0.15, 0.0], [0.0, 0.0]) == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+def test_a_follower_damps_what_swings_back_and_not_who_goes_on():
+    def after(untaught):
+        compliance, law = Compliance(1, 0.01), CollaborativeLaw.for_role("follower")
+        compliance.velocity[0] = 0.3
+        compliance.step(law, np.zeros(1), np.zeros(1), np.zeros(1), untaught=untaught)
+        return compliance.velocity[0]
+
+    law = CollaborativeLaw.for_role("follower")
+    assert 0.3 / after(1.0) - 0.3 / after(0.0) == pytest.approx(0.01 * law.untaught_damping_ns_per_m / law.virtual_mass_kg)
+    assert untaught(np.array([0.0, -0.2]), np.zeros(2)) == 1.0
+    assert untaught(np.array([0.0, -0.2]), np.array([0.0, -0.025])) == pytest.approx(0.5)
+    assert untaught(np.array([0.3, 0.4]), np.array([0.06, 0.08])) == pytest.approx(0.2)
+    assert untaught(np.zeros(2), np.zeros(2)) == 1.0
+    assert untaught(np.ones(2), np.ones(2)) == 0.0

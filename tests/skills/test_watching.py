@@ -110,11 +110,11 @@ def test_who_pulls_through_the_weight_to_more_holds():
     assert not let_go(-WEIGHT * np.clip(np.arange(300) / 60.0, 0.0, 2.0))
 
 
-def sunk(more, speed=-0.1, seconds=0.5, alone_n=2.2):
+def sunk(more, speed=-0.1, seconds=0.5, alone_n=2.2, taught=0.0):
     """Metres sunk under a share that lacks `more` of it, at this speed along up."""
     sinking = Sinking(alone_n)
     for _ in range(round(seconds / DT)):
-        sinking.step([-WEIGHT], WEIGHT, [-WEIGHT * more], [speed], DT)
+        sinking.step([-WEIGHT], WEIGHT, [-WEIGHT * more], [speed], [taught], DT)
     return sinking.sunk
 
 
@@ -124,10 +124,18 @@ def test_sinking_counts_what_lacks_and_neither_a_partner_who_carries_nor_one_who
     assert sunk(0.0) == sunk(1.5) == sunk(0.5, speed=0.1) == 0.0
 
 
+def test_where_lessons_went_down_it_does_not_count_while_the_partner_carries_half_of_the_share():
+    assert sunk(0.4, taught=-0.06) == 0.0
+    assert sunk(0.4, taught=-0.03) == pytest.approx(0.02)  # 0.1 m/s, and 0.06 of them as taught
+    assert sunk(0.7, taught=-0.05) == pytest.approx(0.025)  # half way from leading down to letting go
+    assert sunk(0.95, taught=-0.06) == pytest.approx(sunk(0.95))
+    assert sunk(0.4, taught=0.06) == pytest.approx(sunk(0.4))  # lessons went up here
+
+
 def test_a_pull_that_falls_as_the_hand_follows_is_a_person_and_forgotten():
     sinking = Sinking(2.2)
     for n in range(60):
-        sinking.step([-WEIGHT], WEIGHT, [-WEIGHT * (0.6 if n < 20 else 0.4)], [-0.1], DT)
+        sinking.step([-WEIGHT], WEIGHT, [-WEIGHT * (0.6 if n < 20 else 0.4)], [-0.1], [0.0], DT)
     assert sinking.sunk == 0.0
 
 

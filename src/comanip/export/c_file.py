@@ -130,7 +130,7 @@ def _tables(goals: np.ndarray, n: Numbers) -> str:
 def _state_doubles(n: Numbers, d: int) -> int:
     """As C's Memory: keep the two alike."""
     plans = len(n.plans[4]) if n.plans else 0
-    skill = (4 * d + 4) + (3 * d + 10) + (7 * d + 7) + (len(n.stations) + d + 3) + n.n_goals + (4 * d + 8 + 2 * plans)
+    skill = (4 * d + 4) + (3 * d + 10) + (8 * d + 7) + (len(n.stations) + d + 3) + n.n_goals + (4 * d + 8 + 2 * plans)
     watch = 1 + n.heard + len(n.filter[3]) + 5
     role, sample = 12 + 2 * 6, 2 + 5 * 6 - 6
     guard = 21 + 6 * 6 + 3 * 6 + _ledger() + 6  # and the vectors of an Axes
@@ -292,7 +292,7 @@ enum { D = @AXES@, GOALS = @GOALS@, K = @N_STATES@, HEARD = @HEARD@, N_STATIONS 
 
 typedef struct {
     double begun, refused_value; /* 0: the next step is the first */
-    double compliance[4 * D + 4], pace[3 * D + CLOCKS], skill[7 * D + 7], where[N_STATIONS + D + 3], goals[GOALS];
+    double compliance[4 * D + 4], pace[3 * D + CLOCKS], skill[8 * D + 7], where[N_STATIONS + D + 3], goals[GOALS];
     double foresight[4 * D + TOLD + 2 * N_PLANS];
     double until, seen[HEARD], weights[K], filter[FILTER_STATE];
     double pulls[N_PULLS * D], before[N_BEFORE * D], tank, past[D * PAST];
@@ -361,7 +361,7 @@ void @NAME@_init(@NAME@_state *state) {
     Room room;
     lay_out(&room, m);
     filter_reset(&room.filter);
-    m->skill[7 * D + 6] = @TOLD@;
+    m->skill[8 * D + 6] = @TOLD@;
     m->guard.mode = MODE_HOLD, m->guard.reason = REASON_NOT_STARTED;
 }
 

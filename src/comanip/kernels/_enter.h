@@ -54,7 +54,7 @@ static inline void believable(const double *x, double *out, int d) {
 static inline double enter_law(Law *l, const double *x, int goal, double last, double *entries) {
     const int d = l->d;
     double off = INFINITY;
-    fill(l->shown_expected, 0.0, 7 * d + 6); /* of all its memory but what it was told */
+    fill(l->shown_expected, 0.0, 8 * d + 6); /* of all its memory but what it was told */
     believable(x, l->position, d);
     copy(l->start, l->position, d);
     fill(l->compliance, 0.0, 4 * d + 4);

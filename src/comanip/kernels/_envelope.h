@@ -19,7 +19,7 @@ typedef struct { LIMITS(ONE_NUMBER) } Limits;
     X(period, _period) X(time, _time) X(stamp, _stamp) X(age, _age) X(elapsed, _elapsed) X(impact_s, _impact_s) \
     X(blocked_ns, _blocked_ns) X(alone_s, _alone_s) X(rest_s, _rest_s) X(energy, _energy) X(held, _held) X(sinks_s, _sinks_s) \
     X(for_s, _let_go._for_s) X(weighed, _let_go._weighed) X(sunk, _sinking.sunk) X(lack_peak, _sinking._peak) \
-    X(again_s, _sinking._again_s) X(since_up_s, _sinking._since_up_s) X(work, _pushed.work) X(push_peak, _pushed._peak) \
+    X(again_s, _sinking._again_s) X(led, _sinking.led) X(since_up_s, _sinking._since_up_s) X(work, _pushed.work) X(push_peak, _pushed._peak) \
     X(jump_usual, _jump._usual) X(heard_s, _jump._heard_s) X(still_s, _jump._still_s) X(mean, _shaking._mean) \
     X(amplitude, _shaking.amplitude)
 #define VECTORS(X) \
@@ -58,6 +58,9 @@ typedef struct {
 #define YIELDS 0.8
 #define PEAK_S 0.5
 #define TURNS_S 2.0
+#define LED_DOWN 2.0
+#define HELPS 0.5
+#define LETS 0.9
 #define LED_UP_M_S 0.05
 #define AGAIN_S 0.1
 #define LIVELY 8
@@ -186,7 +189,7 @@ static inline int partner_holds(const Envelope *e, Ledger *l, double speed, cons
 }
 
 /* Sinking.step and Envelope._sink */
-static inline int carried(const Envelope *e, Ledger *l) {
+static inline int carried(const Envelope *e, Ledger *l, const double *taught) {
     const int d = e->d;
     const double load = load_of(l, d), period = l->period;
     if (load > LIGHT_N) {
@@ -198,7 +201,8 @@ static inline int carried(const Envelope *e, Ledger *l) {
         const int doubtful = more < 1.0 + e->limits.alone_n / load && !answers;
         const double counts = doubtful ? least(most((more - lacks[0]) / (lacks[1] - lacks[0]), 0.0), 1.0) : 0.0;
         l->again_s = counts > 0.0 ? 0.0 : l->again_s + period;
-        l->sunk = l->again_s < AGAIN_S ? l->sunk + counts * most(down, 0.0) * period : 0.0;
+        l->led = LED_DOWN * most(dot(taught, l->weight, d) / load, 0.0) * least(most((LETS - more) / (LETS - HELPS), 0.0), 1.0);
+        l->sunk = l->again_s < AGAIN_S ? l->sunk + counts * most(down - l->led, 0.0) * period : 0.0;
     }
     l->sinks_s = l->again_s < AGAIN_S && l->sunk > SUNK * e->limits.sink_m ? l->sinks_s + period : 0.0;
     return !(l->sinks_s > SINKS_S);
@@ -235,7 +239,8 @@ static inline int unremarkable(const Envelope *e, Ledger *l, double speed) {
 }
 
 /* All that comes before the skill. */
-static inline int sense(Envelope *e, double t, const double *x, const double *f, const double *velocity, const double *raw) {
+static inline int sense(Envelope *e, double t, const double *x, const double *f, const double *velocity, const double *raw,
+                 const double *taught) {
     const int d = e->d;
     Ledger next = *e->now;
     Axes pull, mean, sensed;
@@ -247,7 +252,7 @@ static inline int sense(Envelope *e, double t, const double *x, const double *f,
     if (!weighed && at_rest && length(f, d) < e->limits.tare_n && all_finite(sensed, d)) return 0; /* to be weighed */
     for (int i = 0; i < d; i++) pull[i] = f[i] - next.weight[i] * (1.0 + next.rate[i] / GRAVITY);
     if (!steady_zero(e, &next, sensed, at_rest) || !follows(e, &next)) return 0;
-    if (!partner_holds(e, &next, speed, pull, mean, &measured) || !carried(e, &next) || !led(e, &next, speed)) return 0;
+    if (!partner_holds(e, &next, speed, pull, mean, &measured) || !carried(e, &next, taught) || !led(e, &next, speed)) return 0;
     if (!unremarkable(e, &next, speed)) return 0;
     if (weighed) remember(e->pulls, &next.n_pulls, e->most_pulls, d, pull);
     if (measured) remember(e->before, &next.n_before, e->most_before, d, mean);
@@ -279,7 +284,7 @@ static inline int clipped(const Envelope *e, const Ledger *l, const double *aske
     const double load = load_of(l, d);
     copy(v, asked, d);
     if (l->again_s < AGAIN_S && load > LIGHT_N) { /* Envelope._unsunk */
-        const double may = most(sqrt(2.0 * SINK_M_S2 * most(limits->sink_m - l->sunk, 0.0)), CREEP_M_S);
+        const double may = most(sqrt(2.0 * SINK_M_S2 * most(limits->sink_m - l->sunk, 0.0)), CREEP_M_S) + l->led;
         const double beyond = dot(asked, l->weight, d) / load - may;
         for (int i = 0; i < d && beyond > 0.0; i++) v[i] = asked[i] - beyond * (l->weight[i] / load);
     }

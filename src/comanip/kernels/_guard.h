@@ -54,7 +54,10 @@ typedef struct {
     Ledger ledger;
 } Guard;
 
-typedef struct { double time, force_time; const double *position, *velocity, *sensed, *force; } Seen; /* one observation */
+typedef struct { /* one observation; and how fast lessons went where the hand is, as the skill said last */
+    double time, force_time;
+    const double *position, *velocity, *sensed, *force, *taught;
+} Seen;
 
 static inline void fault(Guard *g, int reason, double value) {
     if (g->mode == MODE_HOLD && g->passes == 0.0) return;
@@ -112,7 +115,7 @@ static inline void start_checker(Guard *g, int d, const double *position) {
     fill(g->ledger.commanded.last, 0.0, d);
 }
 
-static inline void forget_sinking(Ledger *l) { l->sunk = l->lack_peak = 0.0, l->again_s = l->since_up_s = INFINITY; }
+static inline void forget_sinking(Ledger *l) { l->sunk = l->lack_peak = l->led = 0.0, l->again_s = l->since_up_s = INFINITY; }
 static inline void forget_pulls(Ledger *l) { l->n_pulls = l->n_before = l->for_s = 0.0; }
 static inline void forget_pushes(Ledger *l) { l->work = l->push_peak = 0.0; }
 
@@ -331,7 +334,7 @@ static inline int carries_alone(const Envelope *e, Guard *g, double speed, doubl
 }
 
 /* Sinking.step and Envelope._sink */
-static inline void sink(const Envelope *e, Guard *g, double period) {
+static inline void sink(const Envelope *e, Guard *g, const double *taught, double period) {
     Ledger *l = &g->ledger;
     const int d = e->d;
     const double load = load_of(l, d);
@@ -344,7 +347,8 @@ static inline void sink(const Envelope *e, Guard *g, double period) {
         const int doubtful = more < 1.0 + e->limits.alone_n / load && !answers;
         const double counts = doubtful ? least(most((more - lacks[0]) / (lacks[1] - lacks[0]), 0.0), 1.0) : 0.0;
         l->again_s = counts > 0.0 ? 0.0 : l->again_s + period;
-        l->sunk = l->again_s < AGAIN_S ? l->sunk + counts * most(down, 0.0) * period : 0.0;
+        l->led = LED_DOWN * most(dot(taught, l->weight, d) / load, 0.0) * least(most((LETS - more) / (LETS - HELPS), 0.0), 1.0);
+        l->sunk = l->again_s < AGAIN_S ? l->sunk + counts * most(down - l->led, 0.0) * period : 0.0;
     }
     l->sinks_s = l->again_s < AGAIN_S && l->sunk > SUNK * e->limits.sink_m ? l->sinks_s + period : 0.0;
     if (l->sinks_s > SINKS_S) hold_for(g, d, REASON_SINKS, NAN, INFINITY);
@@ -395,7 +399,7 @@ static inline void miss(const Envelope *e, Guard *g, double speed, double size, 
 }
 
 /* Envelope._look */
-static inline void look(const Envelope *e, Guard *g, double period) {
+static inline void look(const Envelope *e, Guard *g, const double *taught, double period) {
     Ledger *l = &g->ledger;
     const int d = e->d;
     const double speed = length(l->v, d), size = length(l->force, d);
@@ -404,7 +408,7 @@ static inline void look(const Envelope *e, Guard *g, double period) {
         g->feels_s = e->limits.feel_s;
         mean_of_last(e->pulls, (int)l->n_pulls, e->swing, d, g->pulled);
     }
-    sink(e, g, period);
+    sink(e, g, taught, period);
     pushing(e, l, period);
     if (l->work > e->limits.pushed_j) {
         comply_for(g, d, REASON_PUSHED, size);
@@ -430,12 +434,12 @@ static inline void goes_on(Guard *g, int d, double reason) {
 }
 
 /* Envelope._feel */
-static inline void feel(const Envelope *e, Guard *g, double period) {
+static inline void feel(const Envelope *e, Guard *g, const double *taught, double period) {
     Ledger *l = &g->ledger;
     const int d = e->d;
     Axes pull;
     shaken(e, l, period);
-    sink(e, g, period);
+    sink(e, g, taught, period);
     pushing(e, l, period);
     if (l->work > e->limits.pushed_j && (int)g->reason != REASON_BLOCKED) hold_for(g, d, REASON_PUSHED, length(l->force, d), INFINITY);
     if (g->feels_s <= 0.0) {
@@ -493,8 +497,8 @@ static inline int guard_senses(const Envelope *e, Guard *g, const Seen *seen, do
     g->known = g->fresh != 0.0 && g->known != 0.0;
     book(e, g, *period);
     if (g->fresh == 0.0) return SKILL_RESTS;
-    if (g->mode == MODE_RUN) look(e, g, *period);
-    else if (g->mode == MODE_COMPLY) feel(e, g, *period);
+    if (g->mode == MODE_RUN) look(e, g, seen->taught, *period);
+    else if (g->mode == MODE_COMPLY) feel(e, g, seen->taught, *period);
     return g->mode != MODE_RUN && g->passes != 0.0 && recovers(e, g, seen, *period) ? SKILL_RESUMES : SKILL_RESTS;
 }
 

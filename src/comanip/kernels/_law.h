@@ -6,7 +6,7 @@
 
 #define LAW(X) \
     X(mass, virtual_mass_kg) X(moving_damping, moving_damping_ns_per_m) X(resting_damping, resting_damping_ns_per_m) \
-    X(moving_speed, moving_speed_m_per_s) X(dead_zone, dead_zone_n) X(anticipation, anticipation) \
+    X(untaught_damping, untaught_damping_ns_per_m) X(moving_speed, moving_speed_m_per_s) X(dead_zone, dead_zone_n) X(anticipation, anticipation) \
     X(anticipation_s, anticipation_s) X(foresight, foresight) X(attraction, attraction_per_s) X(start_delay, start_delay_s) \
     X(comfortable, comfortable_n) X(yield_gain, yield_gain_per_n) X(slowest_clock, slowest_clock) X(patience, patience_s) \
     X(reach, reach_m) X(max_acceleration, max_acceleration_m_per_s2) X(shake_hz, shake_hz) X(shake_n, shake_n) \
@@ -51,7 +51,7 @@ typedef struct {
     Foresight foresight;
     double *compliance, *slow, *slower, *gripping, *shake, *went_on, *turn, *turned; /* Compliance.memory */
     double *expected, *wanted, *offset, *clock;   /* Pace.memory */
-    double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *shown_clock, *rest_s, *moved, *against_s,
+    double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *taught, *shown_clock, *rest_s, *moved, *against_s,
         *held_s, *told;                           /* of the skill */
     double *until, *seen;                         /* of Watch */
     Tick *filter;
@@ -63,12 +63,12 @@ static inline void lay_law(Law *l, double *compliance, double *pace, double *ski
     const int d = l->d;
     double **const paces[] = {&l->expected, &l->wanted, &l->offset, &l->clock};
     double **const skills[] = {
-        &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->shown_clock,
+        &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->taught, &l->shown_clock,
     };
     l->compliance = compliance, l->slow = compliance + d, l->slower = l->slow + d, l->gripping = l->slower + d;
     l->shake = l->gripping + d, l->went_on = l->shake + 1, l->turn = l->went_on + 1, l->turned = l->turn + 1;
     for (int i = 0; i < 4; i++) *paces[i] = pace + i * d;
-    for (int i = 0; i < 8; i++) *skills[i] = skill + i * d;
+    for (int i = 0; i < 9; i++) *skills[i] = skill + i * d;
     l->rest_s = l->shown_clock + 2, l->moved = l->rest_s + 1, l->against_s = l->moved + 1, l->held_s = l->against_s + 1;
     l->told = l->held_s + 1;
 }
@@ -86,6 +86,8 @@ enum { AT_PHASE, SPACING, DOUBT, BREADTH, LOG_BREADTH, STATION };               
 #define ASTRAY 1e-6
 #define WHERE_SLIPS 0.1
 #define LATEST 1.8
+#define MOST_FORESEEN 3.0
+#define AS_SLOW 4.0
 
 /* Whereabouts._moved and _sample */
 static inline void sample(const Law *l, const double *x, const double *v) {
@@ -236,6 +238,7 @@ static inline void anticipate(Law *l, const double *x, const double *force, doub
     const double before = l->shown_clock[PHASE], s = *l->where.phase, speed = length(l->compliance, d);
     l->shown_clock[RATE] = (s - before) / l->dt;
     l->shown_clock[PHASE] = s;
+    that_way(t, d, x, l->compliance, l->taught);
     if (l->foresight.plans && l->foresight.told[AWAKE] != 0.0) {
         foresee(&l->foresight, l->tables, d, l->dt, x, l->compliance);
         if (l->foresight.told[AWAKE] != 0.0) {
@@ -247,13 +250,13 @@ static inline void anticipate(Law *l, const double *x, const double *force, doub
     row_at(t, t->velocity, d, s, now);
     const double usual = most(length(now, d), 0.03);
     row_at(t, t->velocity, d, s + law->anticipation_s * least(speed / usual, 2.0), ahead);
-    const double along = dot(force, l->compliance, d) / speed;
-    double agreement = within((along + 1.0) / 2.0, 0.0, 1.0);
-    agreement *= most(dot(now, l->compliance, d), 0.0) / most(length(now, d) * speed, 1e-9);
+    double agreement = most(dot(now, l->compliance, d), 0.0) / most(length(now, d) * speed, 1e-9);
     agreement *= least(speed / law->moving_speed, 1.0);
     const double scale = least(speed / usual, 1.5);
     for (int i = 0; i < d; i++) foreseen[i] = (ahead[i] - now[i]) / law->anticipation_s * scale;
-    agreement *= law->anticipation / most(length(foreseen, d), 1.0);
+    const double asked = length(foreseen, d);
+    agreement *= within((dot(force, foreseen, d) / most(asked, 1e-9) + 1.0) / 2.0, 0.0, 1.0);
+    agreement *= law->anticipation / most(asked / MOST_FORESEEN, 1.0);
     for (int i = 0; i < d; i++) foreseen[i] = agreement * foreseen[i];
 }
 
@@ -265,12 +268,18 @@ static inline void beyond(const double *values, double *slow, double keep, int d
     }
 }
 
+/* compliance.untaught */
+static inline double untaught(const double *velocity, const double *taught, int d) {
+    return most(1.0 - AS_SLOW * length(taught, d) / most(length(velocity, d), 1e-6), 0.0);
+}
+
 /* Compliance.step; `moving` is the larger of the compliance's speed and the reference's, or what `at_least_going` says */
-static inline void comply(Law *l, const Numbers *law, const double *excess, double moving, const double *feedforward) {
+static inline void comply(Law *l, const Numbers *law, const double *excess, double moving, double astray, const double *feedforward) {
     const int d = l->d;
     const double keep_slow = 1.0 - exp(-2.0 * PI * law->shake_hz * l->dt), keep_grip = 1.0 - exp(-2.0 * PI * law->grip_hz * l->dt);
     const double rest = 1.0 - least(moving / law->moving_speed, 1.0);
     double damping = law->moving_damping + rest * rest * (law->resting_damping - law->moving_damping);
+    damping += astray * law->untaught_damping;
     double quick[MOST_AXES], fast[MOST_AXES], faster[MOST_AXES];
     beyond(excess, l->slow, keep_slow, d, quick);
     beyond(quick, l->slower, keep_slow, d, fast);
@@ -331,7 +340,8 @@ static inline int follow(Law *l, const double *x, const double *force, double *c
     if (anticipates) anticipate(l, x, force, foreseen);
     if (l->foresight.plans) departs = l->foresight.told[DEPARTS] * l->law.moving_speed;
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->shown_expected[i];
-    comply(l, &l->law, excess, most(length(l->compliance, l->d), departs), foreseen);
+    const double astray = anticipates ? untaught(l->compliance, l->taught, l->d) : 0.0;
+    comply(l, &l->law, excess, most(length(l->compliance, l->d), departs), astray, foreseen);
     send(l, &l->law, x, nothing, out);
     return 1;
 }
@@ -351,8 +361,9 @@ static inline void lead_there(Law *l, const double *x, const double *force, doub
     pace(l, x, force);
     copy(l->shown_clock, l->clock, 2);
     copy(l->shown_expected, l->expected, l->d);
+    copy(l->taught, l->wanted, l->d);
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->expected[i];
-    comply(l, &l->law, excess, at_least_going(l), nothing);
+    comply(l, &l->law, excess, at_least_going(l), 0.0, nothing);
     send(l, &l->law, x, l->wanted, out);
 }
 
@@ -453,6 +464,7 @@ static inline int follow_on(Law *l, const double *x, const double *felt, double 
     if (!attend(l, x, felt)) return 0;
     locate(l, x, l->velocity);
     l->shown_clock[PHASE] = *l->where.phase;
+    that_way(l->tables + (int)*l->where.goal, d, x, l->velocity, l->taught);
     copy(l->position, x, d);
     copy(l->pull, pull, d);
     *l->rest_s = rest_s, *l->moved = moved;
@@ -460,7 +472,7 @@ static inline int follow_on(Law *l, const double *x, const double *felt, double 
         if (resting && !moved) l->bias[i] += l->bias_share * pull[i];
         force[i] -= l->shown_expected[i];
     }
-    comply(l, &l->following, force, length(l->compliance, d), nothing);
+    comply(l, &l->following, force, length(l->compliance, d), untaught(l->compliance, l->taught, d), nothing);
     send(l, &l->following, x, nothing, out);
     return 1;
 }

@@ -972,7 +972,7 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
 #pragma GCC pop_options
 #endif
 
-enum { POSITION, FORCE, COMMAND, LAW_SLOTS = COMMAND + 3, OF_GOAL = 6 };
+enum { POSITION, FORCE, COMMAND, LAW_SLOTS = COMMAND + 3, OF_GOAL = 7 };
 
 typedef struct {
     PyObject_HEAD
@@ -1022,8 +1022,8 @@ static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch)
     return 0;
 }
 
-/* Rows of each goal's skills.reference.PhaseReference one after the other, and (rows, step_s, top_speed, slack_m, extent_m,
- * begins_m) of each goal */
+/* Rows of each goal's skills.reference.PhaseReference one after the other, and (rows, step_s, top_speed, slack_m, place_m,
+ * extent_m, begins_m) of each goal */
 static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject *force, PyObject *way, PyObject *gain,
                        PyObject *goals) {
     Law *l = &self->law;
@@ -1045,7 +1045,8 @@ static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject 
     for (Py_ssize_t g = 0; g < n; g++, of_goal += OF_GOAL) {
         const int some = (int)of_goal[0];
         if (some < 2 || some > rows - at) break;
-        self->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3], of_goal[4], of_goal[5],
+        self->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3], of_goal[4], of_goal[5], of_goal[6],
+                              
                                x + at * l->d, v + at * l->d, f + at * l->d, w + at, k + at, NULL, NULL, NULL};
         at += some;
     }
@@ -1133,7 +1134,7 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     const double *given = TAKE(numbers, 0, sizeof(Numbers) / 8), *followed = TAKE(following, 0, sizeof(Numbers) / 8);
     const double *conduct = TAKE(policy, 0, sizeof(Policy) / 8);
     double *of_compliance = TAKE(compliance, 1, 4 * d + 4), *of_pace = TAKE(pace_memory, 1, 3 * d + CLOCKS);
-    double *of_skill = TAKE(memory, 1, 7 * d + 7);
+    double *of_skill = TAKE(memory, 1, 8 * d + 7);
     l->until = TAKE(until, 1, 1);
     l->seen = TAKE(seen, 1, D);
 #undef TAKE
@@ -1196,7 +1197,7 @@ LAW_METHOD(lead, lead(l, x, force, out))
 LAW_METHOD(lead_on, lead_on(l, x, force, out))
 LAW_METHOD(follow_on, follow_on(l, x, force, out))
 
-enum { FELT = 0, WISH = 4, SENT = WISH + 3, ENVELOPE_SLOTS = SENT + 3 }; /* FELT: position, force, velocity, sensor_force */
+enum { FELT = 0, N_FELT = 5, WISH = N_FELT, SENT = WISH + 3, ENVELOPE_SLOTS = SENT + 3 }; /* FELT: as in `envelope_sense` */
 
 typedef struct {
     PyObject_HEAD
@@ -1245,14 +1246,14 @@ static void envelope_dealloc(PyObject *object) {
     Py_DecRef((PyObject *)type);
 }
 
-/* (time, position, force, velocity, sensor_force) */
+/* (time, position, force, velocity, sensor_force, taught) */
 static PyObject *envelope_sense(PyObject *object, PyObject *const *args, Py_ssize_t n) {
     Envelopes *self = (Envelopes *)object;
-    const double *felt[4];
-    if (n != 5 || !PyFloat_Check(args[0])) Py_RETURN_FALSE;
-    for (int i = 0; i < 4; i++)
+    const double *felt[N_FELT];
+    if (n != 1 + N_FELT || !PyFloat_Check(args[0])) Py_RETURN_FALSE;
+    for (int i = 0; i < N_FELT; i++)
         if (!(felt[i] = kept(&self->slots[FELT + i], args[1 + i], self->envelope.d, 0))) Py_RETURN_FALSE;
-    return PyBool_FromLong(sense(&self->envelope, PyFloat_AsDouble(args[0]), felt[0], felt[1], felt[2], felt[3]));
+    return PyBool_FromLong(sense(&self->envelope, PyFloat_AsDouble(args[0]), felt[0], felt[1], felt[2], felt[3], felt[4]));
 }
 
 /* position, velocity, acceleration of the skill's command and of that to be sent */

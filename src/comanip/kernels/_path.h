@@ -2,11 +2,12 @@
 
 typedef struct { /* PhaseReference: one goal's path, (rows, d) each; way, gain (rows). Of its plans: (rows, 3 d), (rows), (d) */
     int rows;
-    double step_s, duration_s, top_speed, slack, extent, begins;
+    double step_s, duration_s, top_speed, slack, place, extent, begins;
     const double *path, *velocity, *force, *way, *gain, *plan, *plan_way, *heading;
 } Table;
 
 #define AS_NEAR 0.15
+#define PLACES 200
 
 /* PhaseReference.floats_at */
 static inline void row_at(const Table *t, const double *table, int d, double phase, double *out) {
@@ -14,6 +15,24 @@ static inline void row_at(const Table *t, const double *table, int d, double pha
     const int n = (int)place < t->rows - 2 ? (int)place : t->rows - 2;
     const double share = place - n;
     for (int i = 0; i < d; i++) out[i] = (1.0 - share) * table[n * d + i] + share * table[(n + 1) * d + i];
+}
+
+/* PhaseReference.that_way */
+static inline void that_way(const Table *t, int d, const double *x, const double *velocity, double *taught) {
+    const int every = 1 + t->rows / PLACES;
+    const double speed = length(velocity, d);
+    double fastest = 0.0;
+    for (int n = 0; n < t->rows && !(speed < 1e-6); n += every) {
+        double far = 0.0, along = 0.0;
+        for (int i = 0; i < d; i++) {
+            const double off = t->path[n * d + i] - x[i];
+            far += off * off;
+            along += t->velocity[n * d + i] * velocity[i];
+        }
+        if (far < t->place * t->place) fastest = most(fastest, along);
+    }
+    const double share = speed < 1e-6 ? 0.0 : fastest / (speed * speed);
+    for (int i = 0; i < d; i++) taught[i] = velocity[i] * share;
 }
 
 /* PhaseReference.remaining_m */

@@ -109,6 +109,7 @@ static inline void led_by(Law *l, Role *r, const double *x, const double *force,
     if ((int)r->acts == LEADS) {
         pace(l, x, force);
         copy(l->shown_clock, l->clock, 2);
+        copy(l->taught, l->wanted, d);
         r->meant = least(r->meant + change, 1.0);
         for (int i = 0; i < d; i++) {
             reference[i] = l->reference[i] = r->meant * l->wanted[i];
@@ -143,6 +144,7 @@ static inline void act_by_role(Law *l, Role *r, const double *x, const double *f
     if ((int)r->acts != LEADS) {
         locate(l, x, l->velocity);
         l->shown_clock[PHASE] = *l->where.phase;
+        that_way(l->tables + (int)*l->where.goal, d, x, l->velocity, l->taught);
     }
     r->blend += within(((int)r->acts != FOLLOWS ? 1.0 : 0.0) - r->blend, -change, change);
     if (r->blend > 0.0) led_by(l, r, x, force, reference);
@@ -152,7 +154,8 @@ static inline void act_by_role(Law *l, Role *r, const double *x, const double *f
     for (int i = 0; i < d; i++) excess[i] = force[i] - l->shown_expected[i], both[i] = l->compliance[i] + reference[i];
     const double moving = (int)r->acts == LEADS ? most(length(both, d), r->meant * l->clock[GOING])
                                                 : most(most(length(l->compliance, d), length(reference, d)), 0.0);
-    comply(l, law, excess, moving, nothing);
+    const double astray = (int)r->acts == FOLLOWS && r->complies_only == 0.0 ? untaught(l->compliance, l->taught, d) : 0.0;
+    comply(l, law, excess, moving, astray, nothing);
     send(l, law, x, reference, out);
 }
 

@@ -18,8 +18,8 @@ typedef struct { /* CollaborativeSkill or RoleSkill with its parts, laid over a 
 
 typedef struct { double time, force_time; Axes position, velocity, sensed, force; } Sample; /* an observation, kept */
 
-static inline Seen seen_of(const Sample *s) {
-    const Seen seen = {s->time, s->force_time, s->position, s->velocity, s->sensed, s->force};
+static inline Seen seen_of(const Whole *w, const Sample *s) {
+    const Seen seen = {s->time, s->force_time, s->position, s->velocity, s->sensed, s->force, w->law.taught};
     return seen;
 }
 
@@ -67,7 +67,7 @@ static inline void begin_whole(Whole *w, Sample *s) {
     double value;
     estimate_reset(w->weighing, w->weighed);
     estimate(w->weighing, w->weighed, w->past, s->velocity, s->sensed, s->force);
-    const Seen seen = seen_of(s);
+    const Seen seen = seen_of(w, s);
     const int refused = problem_of(&w->envelope, &seen, &value);
     g->ran = 0.0;
     for (int n = 0; n < 3; n++) fill(g->wish[n], 0.0, w->law.d);
@@ -89,7 +89,7 @@ static inline void step_whole(Whole *w, Sample *s, int first, double *const out[
     for (int n = 0; n < 3; n++) wish[n] = g->wish[n];
     if (first) begin_whole(w, s);
     else estimate(w->weighing, w->weighed, w->past, s->velocity, s->sensed, s->force);
-    const Seen seen = seen_of(s);
+    const Seen seen = seen_of(w, s);
     if (guard_senses(&w->envelope, g, &seen, &period) == SKILL_RESUMES) {
         enter_skill(w, s->position, 1);
         recovered(&w->envelope, g);
@@ -103,7 +103,7 @@ static inline void step_whole(Whole *w, Sample *s, int first, double *const out[
 
 /* Envelope.rearm; 0: it runs, else why it does not, and the number that belongs to it */
 static inline int rearm_whole(Whole *w, const Sample *s, double *value) {
-    const Seen seen = seen_of(s);
+    const Seen seen = seen_of(w, s);
     const int refused = rearms(&w->envelope, w->guard, &seen, value);
     return refused ? refused : begin_at(w, s, w->guard->ran != 0.0);
 }

@@ -28,7 +28,8 @@ BLOCKS: dict[str, tuple[str, ...]] = {
         "far_velocity", "pull", "sampled",
     ),  # what a plant shows of each axis, the first numbers of C's End
     "law": (
-        "virtual_mass_kg", "moving_damping_ns_per_m", "resting_damping_ns_per_m", "moving_speed_m_per_s", "dead_zone_n",
+        "virtual_mass_kg", "moving_damping_ns_per_m", "resting_damping_ns_per_m", "untaught_damping_ns_per_m",
+        "moving_speed_m_per_s", "dead_zone_n",
         "anticipation", "anticipation_s", "foresight", "attraction_per_s", "start_delay_s", "comfortable_n", "yield_gain_per_n",
         "slowest_clock", "patience_s", "reach_m", "max_acceleration_m_per_s2", "shake_hz", "shake_n",
         "shake_damping_ns_per_m_per_n", "shake_memory_s", "shake_growth_per_s", "grip_hz", "grip_n",
@@ -49,8 +50,8 @@ BLOCKS: dict[str, tuple[str, ...]] = {
     "scalars": (
         "_period", "_time", "_stamp", "_age", "_elapsed", "_impact_s", "_blocked_ns", "_alone_s", "_rest_s", "_energy",
         "_held", "_sinks_s", "_let_go._for_s", "_let_go._weighed", "_sinking.sunk", "_sinking._peak", "_sinking._again_s",
-        "_sinking._since_up_s", "_pushed.work", "_pushed._peak", "_jump._usual", "_jump._heard_s", "_jump._still_s",
-        "_shaking._mean", "_shaking.amplitude",
+        "_sinking.led", "_sinking._since_up_s", "_pushed.work", "_pushed._peak", "_jump._usual", "_jump._heard_s",
+        "_jump._still_s", "_shaking._mean", "_shaking.amplitude",
     ),  # the envelope's memory, lent to the compiled tick (safety/compiled_tick.py)
     "vectors": (
         "_x", "_sent", "_at", "_v", "_force", "_wanted", "_asked", "_rate", "_felt", "_senses", "_let_go.weight",

@@ -80,7 +80,7 @@ class Bounds:
         if not self._sinking.hangs or load <= LIGHT_N:
             return velocity
         left = max(self.limits.sink_m - self._sinking.sunk, 0.0)
-        may = max(sqrt(2.0 * SINK_M_S2 * left), CREEP_M_S)
+        may = max(sqrt(2.0 * SINK_M_S2 * left), CREEP_M_S) + self._sinking.led
         beyond = dot(velocity, self._let_go.weight) / load - may
         if beyond <= 0.0:
             return velocity

@@ -27,6 +27,8 @@ ALONE_SHARE = 0.35  # of its share: within this of carrying all alone, where tha
 LACKS = (0.02, 0.12)  # of his share: who carries less by so much begins to count as letting go, and counts wholly;
 TURNS = (0.15, 0.3)  # so long after the hand went up as fast as this, he may be turning back
 TURNS_S, LED_UP_M_S = 2.0, 0.05
+LED_DOWN = 2.0  # times as fast as taught, at most, while he lacks no more than
+HELPS, LETS = 0.5, 0.9  # of his share; from the second on it is no leading down
 PULLS, LACK_PEAK_S = 0.3, 4.0  # so much of his share was a pull, and is remembered so long
 YIELDS, PEAK_S = 0.8, 0.5  # of a push's peak, which is forgotten within so long
 AGAIN_S = 0.1  # he carries again, for so long: what was sunk is forgotten
@@ -118,12 +120,13 @@ class Sinking:
     nobody would: who lets go slowly, or hangs something on the object, goes through here, and so does who leads down gently.
     A few centimetres tell them apart: the partner pulls harder, or carries again.
 
-    Who turns back has just led up, and leads on with a little less than his share; from rest as much is counted more.
+    Who turns back has just led up, and leads on with a little less than his share; from rest as much is counted more. Where
+    lessons went down the hand goes down with a partner who carries half of it: `led` [m/s] is how fast, and does not count.
     """
 
     def __init__(self, alone_n: float) -> None:
         self._alone_n = alone_n
-        self.sunk, self._peak, self._again_s, self._since_up_s = 0.0, 0.0, inf, inf
+        self.sunk, self._peak, self._again_s, self._since_up_s, self.led = 0.0, 0.0, inf, inf, 0.0
 
     @property
     def hangs(self) -> bool:
@@ -131,8 +134,15 @@ class Sinking:
         return self._again_s < AGAIN_S
 
     def step(
-        self, weight: Sequence[float], load: float, force: Sequence[float], velocity: Sequence[float], period: float
+        self,
+        weight: Sequence[float],
+        load: float,
+        force: Sequence[float],
+        velocity: Sequence[float],
+        taught: Sequence[float],
+        period: float,
     ) -> None:
+        """`taught` [m/s]: how fast lessons went where the hand is."""
         if load <= LIGHT_N:
             return
         more, down = dot(force, weight) / (load * load), dot(velocity, weight) / load  # along gravity; more in shares
@@ -143,7 +153,8 @@ class Sinking:
         doubtful = more < 1.0 + self._alone_n / load and not answers
         counts = min(max((more - least) / (whole - least), 0.0), 1.0) if doubtful else 0.0
         self._again_s = 0.0 if counts > 0.0 else self._again_s + period
-        self.sunk = self.sunk + counts * max(down, 0.0) * period if self.hangs else 0.0
+        self.led = LED_DOWN * max(dot(taught, weight) / load, 0.0) * min(max((LETS - more) / (LETS - HELPS), 0.0), 1.0)
+        self.sunk = self.sunk + counts * max(down - self.led, 0.0) * period if self.hangs else 0.0
 
 
 class Pushed:

@@ -34,7 +34,7 @@ from .checker import Checker
 from .compiled_tick import LENT, MOST_AXES, Ordinary
 from .detectors import Jump, LetGo, Pushed, Shaking, Sinking, Stuck
 from .limits import Limits
-from .situation import BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation
+from .situation import BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation, taught_by
 
 NAMES = ("RUN", "COMPLY", "HOLD")
 SAME_SAMPLE = 1e-3  # of a period: a stamp that advances by less is the same sample again, and its clock is not believed
@@ -81,6 +81,7 @@ class Envelope(Copied, Situation, Bounds):
         self._frozen: dict[str, Array] | None = None
         self._ordinary: Any = None
         self._is_lent = self._ran = False
+        self._taught = taught_by(skill, self._d)
         self._restart(0.0, [0.0] * d)
         self._fault("not started")
         self._link()
@@ -184,7 +185,7 @@ class Envelope(Copied, Situation, Bounds):
             return f"policy: {error!r}"
         self._take_back()
         self._frozen = {name: array.copy() for name, array in shown.items()}
-        self.skill = skill
+        self.skill, self._taught = skill, taught_by(skill, self._d)
         self._confidence[0] = 0.0
         return ""
 
@@ -298,7 +299,7 @@ class Envelope(Copied, Situation, Bounds):
         """An ordinary tick is compiled, but for the skill's own; where there is anything to say, it is said here."""
         ordinary, inner = self._ordinary, self._inner
         plain = self._is_lent and self._tells is None and self._timer is None and not obs.time - obs.force_time > self._stale
-        if plain and ordinary.sense(obs.time, obs.position, obs.force, obs.velocity, obs.sensor_force):
+        if plain and ordinary.sense(obs.time, obs.position, obs.force, obs.velocity, obs.sensor_force, self._taught):
             try:
                 self.skill.step(obs, inner)
                 if self._is_lent and ordinary.act(  # not lent any more: the skill has looked at its envelope

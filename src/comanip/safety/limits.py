@@ -13,7 +13,8 @@ from ..errors import ParameterError
 
 ISO_SLOW_M_PER_S = 0.25  # reduced speed of ISO 10218-1 with a person in reach: Limits(v_max_m_per_s=ISO_SLOW_M_PER_S)
 SPEED_MARGIN = 1.6  # the fastest partners whom a skill met in trials moved 1.5 times as fast as the fastest lesson
-LED_N = 6.0  # what leads a hand under the default law, which yields to all that lasts
+LED_N = 6.0  # what leads a hand under the default law, which yields to all that lasts; or, where that is more,
+LED_SHARE = 0.8  # of what led a teacher: strokes are led with more
 WALL_MARGIN_M = 0.05  # beyond the learned workspace: who starts a little beside it is not refused
 
 
@@ -89,6 +90,17 @@ def taught_speed(learned: Any) -> float:
     return float((np.linalg.norm(mean, axis=1) + 2.0 * np.linalg.norm(spread, axis=1)).max())
 
 
+def taught_pull(learned: Any) -> float:
+    """The most that the partner of a LearnedSkill's lessons pulled along the motion [N], mean of the lessons."""
+    most = 0.0
+    for path in learned.paths:
+        velocity = np.gradient(path.position, path.step_s, axis=0)
+        speed = np.linalg.norm(velocity, axis=1)
+        along = (path.force * velocity).sum(axis=1) / np.maximum(speed, 1e-9)
+        most = max(most, float(along.max(where=speed > Limits.moving_m_per_s, initial=0.0)))
+    return most
+
+
 PULL_N = 10.0  # of work along the way that a task may ask for
 
 
@@ -104,7 +116,8 @@ def as_taught(learned: Sequence[Any], limits: Limits | None = None, *, yields: b
     if limits is not None:
         return limits if limits.workspace_m is not None else replace(limits, workspace_m=box)
     fastest = SPEED_MARGIN * max(taught_speed(one) for one in learned)
-    pushed = LED_N if yields else Limits.pushed_n
+    pulled = LED_SHARE * max(taught_pull(one) for one in learned)
+    pushed = max(LED_N, pulled) if yields else Limits.pushed_n
     work_j = PULL_N * max((path.length_m for one in learned for path in one.paths), default=0.0)
     return Limits(
         workspace_m=box,

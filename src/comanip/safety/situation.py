@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..interfaces import Observation
+import numpy as np
+
+from ..interfaces import Array, Observation, Skill
 from ..signals.vectors import dot, length
 from .detectors import HANGS_N, LIGHT_N, Pushed, Sinking
 
@@ -18,6 +20,12 @@ EDGE_M = 0.01  # nearer than this to a wall it is said
 SUNK = 0.9  # of what it may sink; nearer to its end it only creeps
 SINKS_S = 0.6  # it creeps at the end of what it may sink, and nobody answers, carries or pulls harder
 AGAIN_S = 8.0  # the longest wait before it tries again whether what blocked it has gone
+
+
+def taught_by(skill: Skill, n_axes: int) -> Array:
+    """(d,) [m/s] How fast lessons went where the hand is, as the skill says each tick; 0 of one that does not know."""
+    taught = getattr(skill, "taught", None)
+    return taught if isinstance(taught, np.ndarray) and taught.shape == (n_axes,) else np.zeros(n_axes)
 
 
 class Situation:
@@ -56,7 +64,8 @@ class Situation:
 
     def _sink(self: Any, period: float) -> None:
         """Down with a partner who carries too little: a few centimetres, and then no farther."""
-        self._sinking.step(self._let_go.weight, self._let_go.load, self._force, self._v, period)
+        taught = self._taught.tolist()
+        self._sinking.step(self._let_go.weight, self._let_go.load, self._force, self._v, taught, period)
         ends = self._sinking.hangs and self._sinking.sunk > SUNK * self.limits.sink_m
         self._sinks_s = self._sinks_s + period if ends else 0.0
         if self._sinks_s > SINKS_S:

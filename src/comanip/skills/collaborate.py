@@ -32,7 +32,7 @@ from ..kernels.copies import Copied
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
 from ..signals.vectors import dot, length
-from .compliance import ABSURD, Compliance
+from .compliance import ABSURD, Compliance, command_velocity, untaught
 from .foresight import Foresight
 from .reference import PhaseReference
 from .whereabouts import Whereabouts
@@ -41,6 +41,7 @@ ROLES = ("leader", "follower")
 FADES_S, FADES_BELOW = 1.0, 0.7  # an offset from the path fades in so long at least, and below this share of the taught top speed
 EASES_S = 0.8  # who enters where lessons were in motion comes up to their speed in this time,
 BEGINS_S = 0.3  # and where they began, in this: what counts as motion in a lesson begins at a few per cent of its speed, not at 0
+MOST_FORESEEN = 3.0  # [m/s^2] of acceleration that is anticipated; quick strokes have 2
 SAID_M = 0.05  # an offset that is worth saying
 LATEST = 1.8  # times as long as taught a leader may take: long motions at the slowest clock would outlast the partner's patience
 
@@ -52,9 +53,10 @@ class CollaborativeLaw:
     virtual_mass_kg: float = 3.3
     moving_damping_ns_per_m: float = 3.0
     resting_damping_ns_per_m: float = 80.0
+    untaught_damping_ns_per_m: float = 20.0  # follower: where lessons never went that way; who has come to the end swings back
     moving_speed_m_per_s: float = 0.05  # from here on the hand counts as fully in motion
     dead_zone_n: float = 0.4  # at rest only
-    anticipation: float = 0.3  # share of the foreseen acceleration that the follower adds by itself
+    anticipation: float = 0.45  # share of the foreseen acceleration that the follower adds by itself
     anticipation_s: float = 0.05
     foresight: float = 0.6  # share of what the plans expect that the follower does by itself
     attraction_per_s: float = 4.0  # lambda, leader
@@ -274,8 +276,8 @@ class CollaborativeSkill(Copied):
         self._compliance = Compliance(d, dt)
         self._foresight = Foresight(dt, d, self._pace.references)
         self._memory = memory(d)
-        self._expected, self._velocity, self._position, *_ = self._memory[: 7 * d].reshape(7, d)
-        self._phase, self._rate, *_ = self._memory[7 * d :].reshape(7, 1)
+        self._expected, self._velocity, self._position, *_, self.taught = self._memory[: 8 * d].reshape(8, d)
+        self._phase, self._rate, *_ = self._memory[8 * d :].reshape(7, 1)
         self._complies_only, self._outside, self._begun = False, 0.0, False
         self._link()
 
@@ -356,7 +358,7 @@ class CollaborativeSkill(Copied):
         force = obs.force if _finite(obs.force) else np.where(np.isfinite(obs.force), obs.force, 0.0)
         self._position[:] = x
         self._watch.step(x, obs.force)
-        going = None
+        going, astray = None, 0.0
         if self._complies_only:
             feedforward, reference = self._nothing, self._nothing
         elif self.role == "leader":
@@ -364,8 +366,9 @@ class CollaborativeSkill(Copied):
             going = self._pace.going
         else:
             feedforward, reference = self._anticipate(x, force), self._nothing
+            astray = untaught(self._compliance.velocity, self.taught)
         departs = self._foresight.departs * self.law.moving_speed_m_per_s
-        self._compliance.step(self.law, force - self._expected, reference, feedforward, departs, going)
+        self._compliance.step(self.law, force - self._expected, reference, feedforward, departs, going, astray)
         command_velocity(self.law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
     def _lead(self, x: Array, force: Array) -> Array:
@@ -373,6 +376,7 @@ class CollaborativeSkill(Copied):
         pace.step(x, force)
         self._phase[0], self._rate[0] = pace.phase, pace.rate
         self._expected[:] = pace.expected
+        self.taught[:] = pace.velocity
         return pace.velocity
 
     def _anticipate(self, x: Array, force: Array) -> Array:
@@ -382,6 +386,7 @@ class CollaborativeSkill(Copied):
         reference, s = self._pace.references[self._where.goal], self._where.phase
         self._rate[0] = (s - float(self._phase[0])) / self._dt
         self._phase[0] = s
+        self.taught[:] = reference.that_way(x, self._compliance.velocity)
         speed = length(velocity)
         if self._foresight.awake:
             self._foresight.step(x.tolist(), velocity)
@@ -392,14 +397,14 @@ class CollaborativeSkill(Copied):
         now = reference.floats_at("velocity", s)
         usual = max(length(now), 0.03)
         ahead = reference.floats_at("velocity", s + law.anticipation_s * min(speed / usual, 2.0))
-        # a partner who brakes switches it off, and so does one who goes another way than was taught here
-        along = dot(force.tolist(), velocity) / speed
-        agreement = min(max((along + 1.0) / 2.0, 0.0), 1.0)
-        agreement *= max(dot(now, velocity), 0.0) / max(length(now) * speed, 1e-9)
+        # a partner who goes another way than was taught here switches it off, and so does one who pulls against it
+        agreement = max(dot(now, velocity), 0.0) / max(length(now) * speed, 1e-9)
         agreement *= min(speed / law.moving_speed_m_per_s, 1.0)
         scale = min(speed / usual, 1.5)
         foreseen = [(a - n) / law.anticipation_s * scale for a, n in zip(ahead, now, strict=True)]
-        agreement *= law.anticipation / max(length(foreseen), 1.0)  # of 1 m/s^2 at most
+        asked = length(foreseen)
+        agreement *= min(max((dot(force.tolist(), foreseen) / max(asked, 1e-9) + 1.0) / 2.0, 0.0), 1.0)
+        agreement *= law.anticipation / max(asked / MOST_FORESEEN, 1.0)
         for i, a in enumerate(foreseen):
             self._foreseen[i] = agreement * a
         return self._foreseen
@@ -434,13 +439,13 @@ def off_path(outside_m: float, complies_only: bool, moves_over: bool) -> str:
 
 
 def memory(n_axes: int) -> Array:
-    """What a skill of this law remembers, as kernels/_law.h shares it: seven vectors and seven numbers.
+    """What a skill of this law remembers, as kernels/_law.h shares it: eight vectors and seven numbers.
 
-    Expected force, commanded velocity, position, start and, where roles change, reference, pull, bias; then phase and clock rate;
-    and where roles change for how long it has rested [s], whether anybody has moved, for how long the partner has spoken against
-    being led and has held it [s], and the goal that it was told, negative for none.
+    Expected force, commanded velocity, position, start and, where roles change, reference, pull, bias; how fast lessons went that
+    way; then phase and clock rate; and where roles change for how long it has rested [s], whether anybody has moved, for how long
+    the partner has spoken against being led and has held it [s], and the goal that it was told, negative for none.
     """
-    return np.zeros(7 * n_axes + 7)
+    return np.zeros(8 * n_axes + 7)
 
 
 def compiled(
@@ -481,23 +486,8 @@ def tables_of(references: Sequence[PhaseReference]) -> tuple[Array, ...]:
     tables = tuple(
         np.concatenate([getattr(r, name) for r in references]) for name in ("position", "velocity", "force", "way", "gain")
     )
-    goals = [(len(r.way), r.step_s, r.top_speed, r.slack_m, r.extent_m, r.begins_m) for r in references]
+    goals = [(len(r.way), r.step_s, r.top_speed, r.slack_m, r.place_m, r.extent_m, r.begins_m) for r in references]
     return *tables, np.array(goals)
-
-
-def command_velocity(law: CollaborativeLaw, dt: float, x: Array, wanted: Array, velocity: Array, command: Command) -> None:
-    """Moves `velocity` (d,) toward `wanted` no faster than the law's acceleration, and fills `command` from it."""
-    limit, before = law.max_acceleration_m_per_s2 * dt, velocity.tolist()
-    changes = [w - v for w, v in zip(wanted.tolist(), before, strict=True)]
-    size = length(changes)
-    share = limit / size if size > limit else 1.0
-    for i, (p, v, change) in enumerate(zip(x.tolist(), before, changes, strict=True)):
-        change *= share
-        v += change
-        velocity[i] = v
-        command.velocity[i] = v + law.lead_s / dt * change
-        command.position[i] = p + dt * v
-        command.acceleration[i] = change / dt
 
 
 def _finite(values: Array) -> bool:

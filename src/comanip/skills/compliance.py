@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..interfaces import Array
+from ..interfaces import Array, Command
 from ..kernels.copies import Copied
 from ..signals.vectors import length
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from .collaborate import CollaborativeLaw
 
 ABSURD = 1e6  # no robot is so far away, so fast or so strong, in any unit
+AS_SLOW = 4.0  # times as slowly as the hand: lessons as good as never went that way
 
 
 class Compliance(Copied):
@@ -41,12 +42,14 @@ class Compliance(Copied):
         feedforward: Array,
         departs_m_per_s: float = 0.0,
         going: float | None = None,
+        untaught: float = 0.0,
     ) -> None:
         """Damping is implicit, so any value is stable by itself at any dt. Speed, dead zone and shaking are of vectors.
 
         departs_m_per_s   a hand that rests yet counts as so fast: it is known that somebody sets out
         going   [m/s] how fast the task goes on by itself here, where that is known: the hand rests where it does not, and moves
                 neither. An attraction that a force keeps in balance is rest, although both are large
+        untaught   in [0, 1]: the hand goes where lessons never went
         """
         c, off = self.velocity.tolist(), excess.tolist()
         if going is None:
@@ -55,6 +58,7 @@ class Compliance(Copied):
             speed = max(length([a + b for a, b in zip(c, reference.tolist(), strict=True)]), going)
         rest = 1.0 - min(speed / law.moving_speed_m_per_s, 1.0)
         damping = law.moving_damping_ns_per_m + rest * rest * (law.resting_damping_ns_per_m - law.moving_damping_ns_per_m)
+        damping += untaught * law.untaught_damping_ns_per_m
         shaking, on_grip = self._shakes(law, off)
         damping += law.shake_damping_ns_per_m_per_n * shaking
         size, dead = length(off), law.dead_zone_n * rest
@@ -92,3 +96,23 @@ def _beyond(values: list[float], slow: Array, keep: float) -> list[float]:
     passed = [s + keep * (v - s) for v, s in zip(values, slow.tolist(), strict=True)]
     slow[:] = passed
     return [v - p for v, p in zip(values, passed, strict=True)]
+
+
+def untaught(velocity: Array, taught: Array) -> float:
+    """In [0, 1]: whether lessons never went that way there, or `AS_SLOW` times as slowly; both (d,) [m/s]."""
+    return max(1.0 - AS_SLOW * length(taught.tolist()) / max(length(velocity.tolist()), 1e-6), 0.0)
+
+
+def command_velocity(law: CollaborativeLaw, dt: float, x: Array, wanted: Array, velocity: Array, command: Command) -> None:
+    """Moves `velocity` (d,) toward `wanted` no faster than the law's acceleration, and fills `command` from it."""
+    limit, before = law.max_acceleration_m_per_s2 * dt, velocity.tolist()
+    changes = [w - v for w, v in zip(wanted.tolist(), before, strict=True)]
+    size = length(changes)
+    share = limit / size if size > limit else 1.0
+    for i, (p, v, change) in enumerate(zip(x.tolist(), before, changes, strict=True)):
+        change *= share
+        v += change
+        velocity[i] = v
+        command.velocity[i] = v + law.lead_s / dt * change
+        command.position[i] = p + dt * v
+        command.acceleration[i] = change / dt

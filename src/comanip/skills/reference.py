@@ -22,6 +22,7 @@ LEAST_SPREAD_M = 0.003  # a few lessons agree by chance
 GAINS_PER_S = (2.0, 10.0)  # a delay of 50 ms bears no more, and less would not come to the end
 AT_START = 0.08  # share of the extent: who begins so near to where lessons began, begins where they did
 AS_NEAR = 0.15  # share of the extent: parts of the path that lie so near to the nearest one are as near
+PLACE_M, PLACE, PLACES = 0.04, 0.25, 200  # so near, or this share of the extent, is the same place; so many are looked at
 
 
 class PhaseReference:
@@ -45,6 +46,7 @@ class PhaseReference:
         self.way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.position, axis=0), axis=1))])
         self.length_m = float(self.way[-1])
         self.extent_m = float(np.linalg.norm(self.position - self.position[0], axis=1).max())
+        self.place_m = max(PLACE_M, PLACE * self.extent_m)
         self.top_speed = float(np.linalg.norm(self.velocity, axis=1).max())
         self.spread = np.zeros(len(position)) if spread is None else spread
         self.gain = np.ones(len(position))
@@ -191,6 +193,18 @@ class PhaseReference:
         high = min(int((near_s + reach_s) / self.step_s) + 2, self._last + 1)
         low = min(low, high - 1)
         return (low + int(self._distances(position, low, high).argmin())) * self.step_s
+
+    def that_way(self, position: Array, velocity: Array) -> Array:
+        """(d,) [m/s] Along `velocity`, as fast as lessons went that way within `place_m` of `position`, at any time."""
+        every, speed = 1 + len(self.way) // PLACES, length(velocity.tolist())
+        if speed < 1e-6:
+            return np.zeros(len(position))
+        far, along = np.zeros(-(-len(self.way) // every)), np.zeros(-(-len(self.way) // every))
+        for i, v in enumerate(velocity.tolist()):
+            off = self.position[::every, i] - position[i]
+            far, along = far + off * off, along + self.velocity[::every, i] * v
+        fastest = max(float(np.max(along, where=far < self.place_m * self.place_m, initial=0.0)), 0.0)
+        return velocity * (fastest / (speed * speed))
 
     @property
     def longest_rest_s(self) -> float:

@@ -33,12 +33,12 @@ from .collaborate import (
     Pace,
     Watch,
     believable,
-    command_velocity,
     compiled,
     goals_shown,
     memory,
     off_path,
 )
+from .compliance import command_velocity, untaught
 from .reference import PhaseReference
 from .whereabouts import Whereabouts
 
@@ -249,9 +249,9 @@ class RoleSkill(Copied):
         self._where = Whereabouts(self._pace.references, dt)
         self._compliance = Compliance(d, dt)
         self._memory = memory(d)
-        self._expected, self._velocity, self._position, self._start, *others = self._memory[: 7 * d].reshape(7, d)
-        self._reference, self._pull, self._bias = others
-        numbers = self._memory[7 * d :].reshape(7, 1)
+        self._expected, self._velocity, self._position, self._start, *others = self._memory[: 8 * d].reshape(8, d)
+        self._reference, self._pull, self._bias, self.taught = others
+        numbers = self._memory[8 * d :].reshape(7, 1)
         self._phase, self._rate, self._rest_s, self._moved, self._against_s, self._held_s, told = numbers
         told[0] = -1.0 if goal is None else goal
         self._nothing, self._seen, self._blend = np.zeros(d), np.zeros(3 * d), np.zeros(1)
@@ -360,12 +360,14 @@ class RoleSkill(Copied):
         if self._state != LEADS:
             self._where.step(x.tolist(), self._velocity.tolist())
             self._phase[0] = self._where.phase
+            self.taught[:] = self._pace.references[self._where.goal].that_way(x, self._velocity)
         a, reference = self._blended(), self._nothing
         if a > 0.0:
             reference = self._led(x, force)
         law = self._offering if self._state == PROBES and self._gives else self._laws[round(50 * a)]
         going = self._meant * self._pace.going if self._state == LEADS else None
-        self._compliance.step(law, force - self._expected, reference, self._nothing, going=going)
+        astray = untaught(self._compliance.velocity, self.taught) if self._state == FOLLOWS and not self._complies_only else 0.0
+        self._compliance.step(law, force - self._expected, reference, self._nothing, going=going, untaught=astray)
         command_velocity(law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
     def _blended(self) -> float:
@@ -381,6 +383,7 @@ class RoleSkill(Copied):
             self._pace.step(x, force)
             self._phase[0], self._rate[0] = self._pace.phase, self._pace.rate
             self._meant = min(self._meant + self._dt / self.policy.blend_s, 1.0)
+            self.taught[:] = self._pace.velocity
             self._reference[:] = self._meant * self._pace.velocity
             self._expected[:] = self._meant * self._pace.expected - (1.0 - self._meant) * self._push * self._way
             return self._reference
