@@ -398,8 +398,7 @@ class TaringInteractionForce:
         return True
 
     def _weighed(self) -> CausalInteractionForce:
-        g2 = dot(self._gravity, self._gravity)
-        bias = [0.0] * len(self._gravity)
+        g2, bias = dot(self._gravity, self._gravity), [0.0] * len(self._gravity)
         if self._count >= 3 and g2 > 0.0:
             mean = [total / self._count for total in self._sum]
             along = dot(mean, self._gravity) / g2  # F_s = s m g at rest

@@ -6,31 +6,7 @@ typedef struct { double at[MOST_AXES], last[MOST_AXES]; } Commanded;
 
 #define SLACK 1e-9
 
-/* 1, with `c` moved on, when `velocity` after a timely period breaks no rule. */
-static inline int allowed(const Rules *r, Commanded *c, int d, double period, const double *velocity) {
-    const double gain = r->a_max * period;
-    double was = 0.0, now = 0.0, change = 0.0;
-    Commanded next = *c;
-    for (int n = 0; n < d; n++) {
-        const double new = velocity[n], old = c->last[n];
-        was += old * old;
-        now += new * new;
-        change += (new - old) * (new - old);
-        next.at[n] += old * period;
-        next.last[n] = new;
-    }
-    was = sqrt(was), now = sqrt(now), change = sqrt(change);
-    if (!(now <= r->v_max + SLACK)) return 0; /* also when it is not a number */
-    if (!(change <= gain + SLACK)) return 0;
-    for (int n = 0; n < d && now > was - gain + SLACK; n++) {
-        const double new = velocity[n], stop = next.at[n] + new * now / (2.0 * r->a_max);
-        if ((stop > r->high[n] + SLACK && new > 0.0) || (stop < r->low[n] - SLACK && new < 0.0)) return 0;
-    }
-    *c = next;
-    return 1;
-}
-
-/* Checker.judge, whole: 0, or the rule that `velocity` breaks, and then `velocity` holds what to command instead. */
+/* Checker.judge: 0, or the rule that `velocity` breaks, and then `velocity` holds what to command instead. */
 enum { ALLOWED, TOO_FAST, TOO_SUDDEN, NO_ROOM };
 static inline int judge(const Rules *r, Commanded *c, int d, double period, double *velocity, int late) {
     const double gain = r->a_max * period;

@@ -964,8 +964,10 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
 #include "_path.h"
 #include "_foresight.h"
 #include "_law.h"
+#include "_plain.h"
 #include "_checker.h"
 #include "_envelope.h"
+#include "_ordinary.h"
 #include "_beam.h"
 #include "_rows.h"
 #if !defined(__clang__)

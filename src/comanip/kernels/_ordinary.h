@@ -1,0 +1,221 @@
+/* The ordinary tick of safety/envelope.py, as Python calls it: in RUN, on a fresh, timely and plausible sample, with nothing to say
+ * about it. Two steps, around the skill's own. Each does all that the Python does there, in the same order and to the same bits, or
+ * gives 0 and leaves everything untouched: then the Python, the one source of every reason, takes the tick. In doubt a tick is not
+ * ordinary. _guard.h has every tick.
+ */
+
+/* Envelope._clock */
+static inline int timely(const Envelope *e, Ledger *l, double t) {
+    const double step = t - l->stamp, period = most(t - l->time, 0.0);
+    if (!is_finite(t) || step < SAME_SAMPLE * e->limits.dt || period > e->limits.late + 1e-9) return 0;
+    l->elapsed = step;
+    l->time = most(t, l->time);
+    l->stamp = t;
+    l->age = 0.0;
+    l->period = period;
+    l->impact_s -= period;
+    return l->impact_s <= 0.0;
+}
+
+/* Envelope._sense, but for what it watches */
+static inline int plausible(const Envelope *e, Ledger *l, const double *x, const double *f, const double *velocity) {
+    const Limits *limits = &e->limits;
+    double speed = 0.0;
+    for (int i = 0; i < e->d; i++) {
+        if (!(fabs(x[i]) < ABSURD) || !(fabs(f[i]) < ABSURD)) return 0;
+        if (velocity[i] == velocity[i]) speed += velocity[i] * velocity[i]; /* NaN is a velocity nobody measures */
+    }
+    if (apart(x, l->at, e->d) > limits->position_jump + 2.0 * limits->v_max * l->elapsed) return 0;
+    if (length(f, e->d) > limits->force_limit || sqrt(speed) > 10.0 * limits->v_max) return 0;
+    copy(l->at, x, e->d);
+    copy(l->force, f, e->d);
+    return 1;
+}
+
+/* Stuck.step of Envelope._readings */
+static inline int lives(const Envelope *e, Ledger *l, const double *sensed, double speed) {
+    int stuck = 0;
+    for (int i = 0; i < e->d; i++) {
+        if (sensed[i] == sensed[i]) l->senses[i] = 1.0;
+        const double reading = sensed[i] == sensed[i] ? sensed[i] : l->senses[i] != 0.0 ? l->reading[i] : l->force[i];
+        const double change = fabs(reading - l->reading[i]);
+        l->reading[i] = reading;
+        if (change == 0.0) {
+            l->same_s[i] += l->period;
+            l->same_m[i] += speed * l->period;
+            const int fine = l->changes[i] >= LIVELY && l->smallest[i] < FINE * l->usual[i] && reading != l->dead[i];
+            stuck |= l->same_m[i] > e->limits.stuck_m || (fine && l->same_s[i] > e->limits.stuck_s + 1e-9);
+            if (!fine && l->same_s[i] > 0.5 * e->limits.stuck_s) l->dead[i] = reading;
+            continue;
+        }
+        l->same_s[i] = l->same_m[i] = 0.0;
+        if (is_finite(change)) {
+            l->changes[i] += 1.0;
+            l->smallest[i] = least(l->smallest[i], change);
+            l->usual[i] += (change - l->usual[i]) / least(l->changes[i], 100.0);
+        }
+    }
+    return !stuck;
+}
+
+/* Jump.step, while none is pending */
+static inline int steady_zero(const Envelope *e, Ledger *l, const double *sensed, int at_rest) {
+    if (!all_finite(sensed, e->d)) return 1;
+    if (!all_finite(l->sensed, e->d)) {
+        copy(l->sensed, sensed, e->d);
+        return 1;
+    }
+    const double still = l->still_s, change = apart(sensed, l->sensed, e->d);
+    l->still_s = at_rest ? l->still_s + l->period : 0.0;
+    if (change == 0.0) return 1;
+    copy(l->sensed, sensed, e->d);
+    l->heard_s = least(l->heard_s + l->period, most(QUIET_S, l->period));
+    if (still > e->limits.jump_rest_s && change > e->limits.jump_n + 6.0 * l->jump_usual) return 0;
+    const double share = l->period > 0.0 ? l->period / l->heard_s : 0.0;
+    l->jump_usual += share * (change - l->jump_usual);
+    return 1;
+}
+
+/* Envelope._book */
+static inline int follows(const Envelope *e, Ledger *l) {
+    Axes way;
+    for (int i = 0; i < e->d; i++) way[i] = l->v[i] * l->period, l->x[i] += way[i];
+    l->energy = least(e->limits.energy, most(0.0, l->energy + dot(l->force, way, e->d)));
+    return !(apart(l->x, l->at, e->d) > e->limits.drift);
+}
+
+/* LetGo.step with `pull` as its newest; `mean` is that of the last ones when there are enough, and then `measured`. */
+static inline int partner_holds(const Envelope *e, Ledger *l, double speed, const double *pull, double *mean, int *measured) {
+    const Limits *limits = &e->limits;
+    const int swing = e->swing, d = e->d, n = (int)l->n_pulls, full = n == e->most_pulls;
+    const double load = load_of(l, d);
+    Axes slow;
+    int alone = 0;
+    *measured = load > HANGS_N && n + !full == e->most_pulls;
+    if (*measured) {
+        const double *first = l->n_before == e->most_before ? e->before + (e->most_before > 1 ? d : 0) : e->before;
+        for (int i = 0; i < d; i++) {
+            double sum = 0.0, all = 0.0;
+            for (int row = n - swing + 1; row < n; row++) sum += e->pulls[row * d + i];
+            for (int row = full; row < n; row++) all += e->pulls[row * d + i];
+            mean[i] = (sum + pull[i]) / swing;
+            slow[i] = (all + pull[i]) / e->most_pulls;
+        }
+        if (l->n_before == 0.0 || e->most_before == 1) first = mean;
+        const double near = least(limits->alone_n, ALONE_SHARE * load);
+        const int moves = speed > limits->stands, still = apart(first, mean, d) < STILL_S * limits->steady_n_s;
+        alone = (length(mean, d) < near && still) || (length(slow, d) < near && moves && still);
+    }
+    l->for_s = alone ? l->for_s + l->period : 0.0;
+    return !(l->for_s > limits->alone_s);
+}
+
+/* Sinking.step and Envelope._sink */
+static inline int carried(const Envelope *e, Ledger *l, const double *taught) {
+    const int d = e->d;
+    const double load = load_of(l, d), period = l->period;
+    if (load > LIGHT_N) {
+        const double more = dot(l->force, l->weight, d) / (load * load), down = dot(l->v, l->weight, d) / load;
+        l->lack_peak = most(more, l->lack_peak - period / LACK_PEAK_S * l->lack_peak);
+        l->since_up_s = down < -LED_UP_M_S ? 0.0 : l->since_up_s + period;
+        const double *lacks = l->since_up_s < TURNS_S ? TURNS : LACKS;
+        const int answers = l->lack_peak > PULLS && more < YIELDS * l->lack_peak;
+        const int doubtful = more < 1.0 + e->limits.alone_n / load && !answers;
+        const double counts = doubtful ? least(most((more - lacks[0]) / (lacks[1] - lacks[0]), 0.0), 1.0) : 0.0;
+        l->again_s = counts > 0.0 ? 0.0 : l->again_s + period;
+        l->led = LED_DOWN * most(dot(taught, l->weight, d) / load, 0.0) * least(most((LETS - more) / (LETS - HELPS), 0.0), 1.0);
+        l->sunk = l->again_s < AGAIN_S ? l->sunk + counts * most(down - l->led, 0.0) * period : 0.0;
+    }
+    l->sinks_s = l->again_s < AGAIN_S && l->sunk > SUNK * e->limits.sink_m ? l->sinks_s + period : 0.0;
+    return !(l->sinks_s > SINKS_S);
+}
+
+/* Pushed.step */
+static inline int led(const Envelope *e, Ledger *l, double speed) {
+    const double along = speed > 0.0 ? dot(l->force, l->v, e->d) / speed : 0.0;
+    l->push_peak = most(along, l->push_peak - l->period / PEAK_S * l->push_peak);
+    const double beyond = along > YIELDS * l->push_peak ? along - e->limits.pushed_n : -e->limits.pushed_n;
+    l->work = most(l->work + beyond * speed * l->period, 0.0);
+    return !(l->work > e->limits.pushed_j);
+}
+
+/* Envelope._press, _miss and what is left of _look */
+static inline int unremarkable(const Envelope *e, Ledger *l, double speed) {
+    const Limits *limits = &e->limits;
+    const int d = e->d;
+    const double size = length(l->force, d), period = l->period, share = 1.0 - exp(-2.0 * PI * period);
+    const double against = -dot(l->force, l->v, d) / most(speed, 1e-6);
+    l->blocked_ns = against > limits->blocked_n ? l->blocked_ns + against * period : 0.0;
+    if (load_of(l, d) <= LIGHT_N) {
+        l->held = (speed >= limits->moving && l->held != 0.0) || size > limits->held_n;
+        l->alone_s = l->held != 0.0 && size < limits->let_go_n && speed > limits->let_go_speed ? l->alone_s + period : 0.0;
+    }
+    for (int i = 0; i < d; i++) {
+        l->slow[i] += share * (l->force[i] - l->slow[i]);
+        l->felt[i] += least(period, 1.0) * (l->force[i] - l->felt[i]);
+    }
+    l->mean += least(period / 0.5, 1.0) * (apart(l->force, l->slow, d) - l->mean);
+    l->amplitude = 1.57 * l->mean;
+    l->rest_s = speed < 0.05 ? l->rest_s + period : 0.0;
+    return !(l->blocked_ns > limits->blocked_n * limits->blocked_s) && !(l->alone_s > limits->let_go_s);
+}
+
+/* All that comes before the skill. */
+static inline int sense(Envelope *e, double t, const double *x, const double *f, const double *velocity, const double *raw,
+                 const double *taught) {
+    const int d = e->d;
+    Ledger next = *e->now;
+    Axes pull, mean, sensed;
+    for (int i = 0; i < d; i++) sensed[i] = fabs(raw[i]) < ABSURD ? raw[i] : NAN;
+    const double speed = length(next.v, d);
+    int measured, weighed = next.weighed >= WEIGHED_TICKS;
+    if (!timely(e, &next, t) || !plausible(e, &next, x, f, velocity) || !lives(e, &next, sensed, speed)) return 0;
+    const int at_rest = speed < e->limits.moving;
+    if (!weighed && at_rest && length(f, d) < e->limits.tare_n && all_finite(sensed, d)) return 0; /* to be weighed */
+    for (int i = 0; i < d; i++) pull[i] = f[i] - next.weight[i] * (1.0 + next.rate[i] / GRAVITY);
+    if (!steady_zero(e, &next, sensed, at_rest) || !follows(e, &next)) return 0;
+    if (!partner_holds(e, &next, speed, pull, mean, &measured) || !carried(e, &next, taught) || !led(e, &next, speed)) return 0;
+    if (!unremarkable(e, &next, speed)) return 0;
+    if (weighed) remember(e->pulls, &next.n_pulls, e->most_pulls, d, pull);
+    if (measured) remember(e->before, &next.n_before, e->most_before, d, mean);
+    *e->now = next;
+    return 1;
+}
+
+/* The checker's word on `velocity` after a timely period: 1, with `c` moved on, where it breaks no rule */
+static int allowed(const Rules *r, Commanded *c, int d, double period, const double *velocity) {
+    Commanded next = *c;
+    Axes v;
+    copy(v, velocity, d);
+    if (judge(r, &next, d, period, v, 0)) return 0;
+    *c = next;
+    return 1;
+}
+
+/* All that comes after it: Envelope._clip, the checker's judgement, Envelope._write. `wish` and `out` are position, velocity,
+ * acceleration. */
+static inline int act(Envelope *e, const double *const wish[3], double *const out[3]) {
+    const Limits *limits = &e->limits;
+    const int d = e->d;
+    Ledger *l = e->now;
+    const double near = limits->v_max * limits->late;
+    Axes velocity;
+    int passed = 1;
+    for (int n = 0; n < 3; n++)
+        if (!all_finite(wish[n], d)) return 0;
+    if (!clipped(e, l, wish[1], velocity)) return 0;
+    for (int i = 0; i < d; i++) passed &= velocity[i] == wish[1][i];
+    if (!allowed(&e->rules, &l->commanded, d, l->period, velocity)) return 0;
+    for (int i = 0; i < d; i++) {
+        const double v = velocity[i], at = l->at[i];
+        const double position = passed ? within(wish[0][i], at - near, at + near) : at + v * limits->dt;
+        if (l->period > 0.0) l->rate[i] = (v - l->v[i]) / l->period;
+        l->wanted[i] = l->asked[i] = wish[1][i];
+        l->v[i] = v;
+        out[0][i] = l->sent[i] = within(position, e->low[i], e->high[i]);
+        out[1][i] = v;
+        out[2][i] = within(passed ? wish[2][i] : 0.0, -limits->a_max, limits->a_max);
+    }
+    e->tank[0] = l->energy;
+    return 1;
+}

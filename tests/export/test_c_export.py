@@ -1,0 +1,186 @@
+"""The exported C is the Python: command, felt force, mode, reason, energy, phase and role, to the last bit."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from comanip import kernels
+from comanip.errors import MismatchError, ParameterError
+from comanip.experiments.export_proof import KINDS as WAYS
+from comanip.experiments.export_proof import c_run, differs, prove, python_run
+from comanip.export import c_file, reasons
+from comanip.export.c_file import identifier, source
+from comanip.export.controller import controller
+from comanip.export.loaded import STRICT, Loaded, compiled, compiler
+from comanip.export.self_test import self_test
+from controllers import KINDS, TASKS, maker, skills
+
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler (cc, gcc or clang) on this machine")
+pytestmark = needs_compiler
+
+
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_to_the_last_bit(task, kind):
+    found = prove(maker(task, kind), 3600, seed=5, runs_of=400)
+    assert found["differences"] == []
+    assert found["weights_apart"] < 1e-9
+    assert len(found["reasons"]) > 5  # else little happened
+    assert found["state_bytes"] <= 65536
+
+
+@pytest.mark.parametrize(("kind", "dt"), [("leader", 0.001), ("follower", 0.004), ("auto", 0.02)])
+def test_at_any_period(kind, dt):
+    assert prove(maker("slide", kind, dt=dt), 1200, seed=6, runs_of=400)["differences"] == []
+
+
+def test_the_python_without_kernels_says_the_same(monkeypatch):
+    monkeypatch.setattr(kernels, "native", None)
+    found = prove(maker("two goals", "follower"), 600, seed=7, runs_of=200)
+    assert found["differences"] == []
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("#define NONE_FIRST 0.10", "#define NONE_FIRST 0.11"),
+        ("limits->position_jump + 2.0", "limits->position_jump + 2.5"),
+        ("#define EASES_IN_S 0.3", "#define EASES_IN_S 0.31"),
+        ("w->average && last == last", "last == last"),
+    ],
+)
+def test_a_planted_fault_is_seen(right, wrong, tmp_path):
+    make = maker("slide", "follower" if "NONE" in right else "leader")
+    text = source(make())
+    assert right in text.c
+    loaded = Loaded(compiled(text._replace(c=text.c.replace(right, wrong)), tmp_path), text.h)
+    runs = (python_run(make(), np.random.default_rng((1, n)), WAYS[n % 3], 500) for n in range(9))
+    assert any(differs(0, taken, *c_run(loaded, taken)) for taken in runs)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_tests_itself(kind, tmp_path):
+    """Strictly compiled, with sanitizers, and once more with a number changed."""
+    make = maker("pick, carry, place", kind)
+    text = source(make(), name="one", self_test=self_test(make(), "one"))
+    (tmp_path / "one.c").write_text(text.c)
+    (tmp_path / "one.h").write_text(text.h)
+    build = [compiler(), *STRICT, "-DCOMANIP_SELF_TEST", "one.c", "-o", "one", "-lm"]
+    subprocess.run([*build, "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover"], cwd=tmp_path, check=True)
+    said = subprocess.run([tmp_path / "one"], capture_output=True, text=True)
+    assert (said.returncode, "1000 of 1000 ticks equal to the last bit" in said.stdout) == (0, True), said.stdout + said.stderr
+    heavier = re.sub(r"(Numbers (?:LEADING|FOLLOWING) = \{\s+)", r"\g<1>0.01 + ", text.c)
+    (tmp_path / "one.c").write_text(heavier)
+    subprocess.run(build, cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "one"], capture_output=True).returncode == 1
+
+
+def test_a_state_is_a_value(tmp_path):
+    """Copied in mid-run it goes on by itself; two robots do not disturb each other."""
+    make = maker("slide", "follower")
+    text = source(make())
+    one = Loaded(compiled(text, tmp_path), text.h)
+    obs = python_run(make(), np.random.default_rng(3), "well", 300).obs
+    whole = one.run(obs).copy()
+    one.init()
+    one.run(obs[:150])
+    kept = one._state.copy()
+    one.init()
+    one.run(obs[:40])
+    one._state[:] = kept
+    assert one.run(obs[150:]).tobytes() == whole[150:].tobytes()
+
+
+def test_before_the_first_step_nothing_runs(tmp_path):
+    text = source(maker("slide", "leader")())
+    one = Loaded(compiled(text, tmp_path), text.h)
+    assert one.reason(one.rearm()) == "not started"
+    assert [one.reason(n) for n in (0, -1, 1000)] == ["", "", ""]
+
+
+def test_every_reason_has_a_number():
+    """What the envelope's modules say, and the list of C: none is left out, and none is told twice."""
+    numbers = [reasons.number_of(said) for said in (
+        "", "not started", "policy: x", "clock", "force 51 ms old", "late 40 ms", "position not finite", "position jump 0.3 m",
+        "force not finite", "force 61 N > 60 N", "velocity not plausible", "force stuck", "force jumped 2.0 N at rest: sensor?",
+        "the object weighs 30 N on this hand > 22 N: too heavy to carry", "does not follow: 0.06 m off",
+        "let go: the hand carries the whole object", "let go or loaded: more hangs on the hand than its share",
+        "pushed along with 12 N: sensor, or a weight on it?", "blocked", "let go", "checker: speed", "checker: acceleration",
+        "checker: room to stop", "0.1 m outside the workspace: z 1 m, allowed 0 to 0.9 m", "in motion: 0.1 m/s",
+        "pulled with 5 N > 3 N: let the object rest, or tare", "force stuck still: sensor?",
+    )]  # fmt: skip
+    assert sorted(numbers) == list(range(len(c_file.reasons())))
+    assert set(reasons.SAID) == {name for name, _ in c_file.reasons()}
+
+
+def test_the_header_says_what_it_is():
+    make = maker("two goals", "auto")
+    made = make()
+    text = source(made, name="both")
+    for said in (*made.hashes, "role auto", "axes z", "0.01 s", "m/s", "-9.80665"):
+        assert said in text.h
+    assert f"opaque[{text.state_bytes // 8}]" in text.h
+    code = re.sub(r"/\*.*?\*/", "", text.c, flags=re.DOTALL)
+    used = set(re.findall(r"\b(sqrt|exp|log|fabs|pow|sin|cos|tan|floor|ceil|round|fmin|fmax|fma|malloc|memcpy|isfinite|nearbyint)\(", code))
+    assert used == {"sqrt", "exp", "log", "fabs"}
+    assert set(re.findall(r"#include (.*)", text.c)) == {'"both.h"', "<math.h>"}
+
+
+@pytest.mark.parametrize(("stem", "name"), [("skill", "skill"), ("my-skill 2", "my_skill_2"), ("2x", "skill_2x"), ("int", "skill_int")])
+def test_names_are_identifiers(stem, name):
+    assert identifier(stem) == name
+
+
+@pytest.mark.parametrize(
+    ("about", "why"),
+    [
+        ({"law": "paper"}, "law 'paper' cannot be exported: its tick is Python alone; laws that can: default, lqt, even"),
+        ({"role": "natural"}, "role 'natural' cannot be exported: say leader, follower or auto"),
+        ({"load_share": 0.0}, "load_share is 0; allowed: above 0, to 1"),
+        ({"tare_s": -1.0}, "tare_s is -1 s; allowed: 0 or more"),
+        ({"gravity": np.zeros(3)}, "gravity has 3 numbers; allowed: 1, one an axis (x)"),
+        ({"dt": 1.0}, "control period 1.0 s; a skill runs at 0.0002 to 0.05 s"),
+        ({"role": "follower"}, "the skill was learned as 'leader'; 'follower' was asked for"),
+        ({"goal": 2}, "goal 2 is unknown; the lessons have 1"),
+        ({"role": "auto"}, "role 'auto' needs skills of both roles; missing: follower"),
+    ],
+)
+def test_what_cannot_be_exported_is_said_in_one_line(about, why):
+    with pytest.raises((ParameterError, MismatchError)) as said:
+        controller([skills("slide")["leader"]], **about)
+    assert why in str(said.value)
+    assert "\n" not in str(said.value)
+
+
+@pytest.mark.parametrize("target", ["aarch64-linux-musl", "x86_64-linux-musl", "wasm32-wasi", "thumb"])
+def test_it_compiles_for_other_machines(target, tmp_path):
+    """With the compiler that `pip install ziglang` brings; where an emulator is there the self-test runs, too."""
+    pytest.importorskip("ziglang", reason="pip install ziglang compiles for other machines")
+    make = maker("slide", "follower")
+    text = source(make(), name="one", self_test=self_test(make(), "one"))
+    (tmp_path / "one.c").write_text(text.c)
+    (tmp_path / "one.h").write_text(text.h)
+    zig = [sys.executable, "-m", "ziglang", "cc", *STRICT, "-O2", "one.c"]
+    if target == "thumb":
+        subprocess.run([*zig, "-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m7", "-c", "-o", "one.o", "-I", _headers(tmp_path)], cwd=tmp_path, check=True)
+        return
+    subprocess.run([*zig, "-target", target, "-DCOMANIP_SELF_TEST", "-o", "one", "-lm"], cwd=tmp_path, check=True)
+    runs = {"aarch64-linux-musl": shutil.which("qemu-aarch64"), "x86_64-linux-musl": "", "wasm32-wasi": shutil.which("wasmtime")}[target]
+    if runs is None:
+        pytest.skip(f"compiled; nothing here runs {target}")
+    said = subprocess.run([*([runs] if runs else []), tmp_path / "one"], capture_output=True, text=True)
+    assert said.returncode == 0, said.stdout
+
+
+def _headers(folder):
+    """A <math.h> of the four functions that are used: what is freestanding brings none."""
+    (folder / "include").mkdir()
+    text = "double exp(double); double log(double); double sqrt(double); double fabs(double);\n"
+    (folder / "include" / "math.h").write_text(text + "#define NAN __builtin_nan(\"\")\n#define INFINITY __builtin_inf()\n")
+    return folder / "include"
