@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - the lines are those of other languages
 """Headers of exactly the parts of ros2_control (Jazzy) and rclcpp that the exported controller uses. Stubs: that it compiles against
 them says that names, arguments and results are used as here, and nothing about ROS."""
 

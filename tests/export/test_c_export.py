@@ -9,6 +9,7 @@ import sys
 
 import numpy as np
 import pytest
+from controllers import KINDS, TASKS, maker, skills
 
 from comanip import kernels
 from comanip.errors import MismatchError, ParameterError
@@ -19,7 +20,6 @@ from comanip.export.c_file import identifier, source
 from comanip.export.controller import controller
 from comanip.export.loaded import STRICT, Loaded, compiled, compiler
 from comanip.export.self_test import self_test
-from controllers import KINDS, TASKS, maker, skills
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler (cc, gcc or clang) on this machine")
 pytestmark = needs_compiler
@@ -126,12 +126,18 @@ def test_the_header_says_what_it_is():
         assert said in text.h
     assert f"opaque[{text.state_bytes // 8}]" in text.h
     code = re.sub(r"/\*.*?\*/", "", text.c, flags=re.DOTALL)
-    used = set(re.findall(r"\b(sqrt|exp|log|fabs|pow|sin|cos|tan|floor|ceil|round|fmin|fmax|fma|malloc|memcpy|isfinite|nearbyint)\(", code))
+    used = set(
+        re.findall(
+            r"\b(sqrt|exp|log|fabs|pow|sin|cos|tan|floor|ceil|round|fmin|fmax|fma|malloc|memcpy|isfinite|nearbyint)\(", code
+        )
+    )
     assert used == {"sqrt", "exp", "log", "fabs"}
     assert set(re.findall(r"#include (.*)", text.c)) == {'"both.h"', "<math.h>"}
 
 
-@pytest.mark.parametrize(("stem", "name"), [("skill", "skill"), ("my-skill 2", "my_skill_2"), ("2x", "skill_2x"), ("int", "skill_int")])
+@pytest.mark.parametrize(
+    ("stem", "name"), [("skill", "skill"), ("my-skill 2", "my_skill_2"), ("2x", "skill_2x"), ("int", "skill_int")]
+)
 def test_names_are_identifiers(stem, name):
     assert identifier(stem) == name
 

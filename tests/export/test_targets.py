@@ -9,6 +9,8 @@ import subprocess
 
 import numpy as np
 import pytest
+from controllers import maker, skills
+from stubs import MAIN, STUBS
 
 from comanip import parts
 from comanip.commands.app import app
@@ -16,8 +18,6 @@ from comanip.errors import ParameterError
 from comanip.experiments.export_proof import python_run
 from comanip.export.loaded import compiler
 from comanip.learned import file as skill_file
-from controllers import maker, skills
-from stubs import MAIN, STUBS
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler (cc, gcc or clang) on this machine")
 

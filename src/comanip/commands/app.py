@@ -263,7 +263,9 @@ def export(
     skill: Annotated[list[Path], Parameter(consume_multiple=True)],
     /,
     *,
-    to: Annotated[ExportTarget, Parameter(help="c: one C99 file and its header; ctypes: a module beside it; ros2-control: a package.")] = "c",
+    to: Annotated[
+        ExportTarget, Parameter(help="c: one C99 file and its header; ctypes: a module beside it; ros2-control: a package.")
+    ] = "c",
     role: Annotated[
         Literal["leader", "follower", "auto"] | None,
         Parameter(help="auto: the robot is told nothing; give skills of both roles."),
@@ -285,9 +287,7 @@ def export(
     """Write a skill, its envelope and its force estimate as source without Python: comanip export skill.json --to c -o skill.c"""
     from . import exporting as command
 
-    command.export(
-        skill, to, out, role, law, dt, goal, mass_kg, load_share, tare_s, force_delay_ms, gravity, overwrite, json
-    )
+    command.export(skill, to, out, role, law, dt, goal, mass_kg, load_share, tare_s, force_delay_ms, gravity, overwrite, json)
 
 
 @app.command

@@ -62,7 +62,9 @@ def export(
         print_json({"files": files, **found.about})
         return
     about = found.about
-    say(f"{', '.join(files)}: {about['role']}, law {about['law']!r}, axes {', '.join(about['axes'])}, a tick each {about['dt_s']:g} s")
+    say(
+        f"{', '.join(files)}: {about['role']}, law {about['law']!r}, axes {', '.join(about['axes'])}, a tick each {about['dt_s']:g} s"
+    )
     say(f"state {about['state_bytes']} bytes; names begin with {about['prefix']}_; nobody has tried it on a robot: docs/robot.md")
 
 

@@ -2,8 +2,8 @@
 
     python -m comanip.experiments.export_proof --ticks 1e7 leader.json follower.json
 
-Each run drives the Python in closed loop (a hand that goes where it is sent, with somebody who lifts, holds, lets go, blocks, shakes,
-or a sensor that lies), keeps what it saw and commanded, and gives the same to the C. Command, felt force, mode, reason, energy,
+Each run drives the Python in closed loop (a hand that goes where it is sent, with somebody who lifts, holds, lets go, blocks or
+shakes, or a sensor that lies), keeps what it saw and commanded, and gives the same to the C. Command, felt force, mode, reason, energy,
 confidence, phase and blend must be equal: one bit that differs is a failure. Weights of the model are compared to 1e-9.
 """
 
@@ -253,7 +253,8 @@ def prove(
             if run % 500 == 499:
                 told(f"{made.role}, {len(made.axes)} axes: {done} ticks, {len(found)} runs differ")
     return {
-        "role": made.role, "axes": len(made.axes), "dt_s": made.dt, "ticks": done, "differences": [one._asdict() for one in found],
+        "role": made.role, "axes": len(made.axes), "dt_s": made.dt, "ticks": done,
+        "differences": [one._asdict() for one in found],
         "state_bytes": text.state_bytes, "us_a_tick": 1e6 * spent / max(done, 1), "weights_apart": worst,
         "reasons": _by_reason(counts),
     }  # fmt: skip

@@ -101,7 +101,8 @@ def _struct(kind: str, name: str, values: Any) -> str:
 def _constants(n: Numbers) -> str:
     path, velocity, force, way, gain, goals = n.tables
     parts = [
-        _struct("Numbers", "LEADING", n.laws[0]), _struct("Numbers", "FOLLOWING", n.laws[1]), _struct("Policy", "POLICY_", n.policy),
+        _struct("Numbers", "LEADING", n.laws[0]), _struct("Numbers", "FOLLOWING", n.laws[1]),
+        _struct("Policy", "POLICY_", n.policy),
         _struct("Limits", "LIMITS_", n.limits), array("PATH", path), array("PATH_VELOCITY", velocity), array("PATH_FORCE", force),
         array("WAY", way), array("GAIN", gain), array("STATIONS", n.stations), array("FIRSTS", n.firsts),
     ]  # fmt: skip
@@ -162,7 +163,8 @@ def _fields(controller: Controller, n: Numbers, name: str, state: int) -> dict[s
         "WALLS": ", ".join(f"{{{_number(low)}, {_number(high)}}}" for low, high in n.walls),
         "RULES": ", ".join(map(_number, n.rules)), "BOX": box, "V_MAX": f"{limits.v_max_m_per_s:.3g}",
         "FORCE_LIMIT": f"{limits.force_limit_n:g}", "ENERGY": f"{limits.energy_j:.3g}", "MASS": f"{felt._stated:g}",
-        "SHARE": f"{felt._share:g}", "TARE_S": f"{felt._ticks * controller.dt:g}", "GRAVITY": ", ".join(f"{g:g}" for g in felt._gravity),
+        "SHARE": f"{felt._share:g}", "TARE_S": f"{felt._ticks * controller.dt:g}",
+        "GRAVITY": ", ".join(f"{g:g}" for g in felt._gravity),
         "SKILL": type(inner).__name__, "REASONS": _reasons(name),
     }  # fmt: skip
 
@@ -226,7 +228,7 @@ typedef struct {
 
 /* What to do until the next. */
 typedef struct {
-    double position[@AXES@], velocity[@AXES@], acceleration[@AXES@]; /* [m], [m/s], [m/s^2]: follow the velocity, or the position */
+    double position[@AXES@], velocity[@AXES@], acceleration[@AXES@]; /* [m], [m/s], [m/s^2]: follow the velocity */
     double force[@AXES@];                                  /* [N] F, as estimated */
     double tank_j, confidence;                        /* energy that is left [J]; 1: the skill's command passes whole */
     double phase_s, clock_rate;                       /* where in the taught path it is [s], how fast that goes by */
@@ -288,7 +290,8 @@ static const double RULES_[3] = {@RULES@};
 
 /* ------------------------------------------------------------------------------------------------------------------ ticks */
 
-enum { D = @AXES@, GOALS = @GOALS@, K = @N_STATES@, HEARD = @HEARD@, N_STATIONS = @STATIONS_N@, N_PLANS = @PLANS_N@, N_PULLS = @PULLS_N@, N_BEFORE = @BEFORE_N@, PAST = @LATE_N@ + 2 };
+enum { D = @AXES@, GOALS = @GOALS@, K = @N_STATES@, HEARD = @HEARD@, N_STATIONS = @STATIONS_N@, N_PLANS = @PLANS_N@ };
+enum { N_PULLS = @PULLS_N@, N_BEFORE = @BEFORE_N@, PAST = @LATE_N@ + 2 };
 
 typedef struct {
     double begun, refused_value; /* 0: the next step is the first */
@@ -326,7 +329,8 @@ static void lay_out(Room *room, Memory *m) {
     lay_where(&l->where, D, m->where);
     lay_law(l, m->compliance, m->pace, m->skill);
     l->foresight.plans = N_PLANS, l->foresight.alike = @ALIKE@, l->foresight.keep = @KEEP@;
-    l->foresight.sizes = GRID, l->foresight.paces = GRID + N_PLANS, l->foresight.late = GRID + 2 * N_PLANS, l->foresight.prior = PRIOR;
+    l->foresight.sizes = GRID, l->foresight.paces = GRID + N_PLANS, l->foresight.late = GRID + 2 * N_PLANS;
+    l->foresight.prior = PRIOR;
     lay_foresight(&l->foresight, D, m->foresight);
     l->until = &m->until, l->seen = m->seen, l->filter = &room->filter;
     room->filter.D = HEARD, room->filter.K = K, room->filter.patience = @PATIENCE@, room->filter.gate = @GATE@;

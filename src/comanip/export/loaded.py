@@ -59,7 +59,9 @@ def cmd_type(d: int) -> np.dtype[Any]:
 
 def obs_type(d: int) -> np.dtype[Any]:
     """NAME_obs as numpy sees it."""
-    return np.dtype([("time", float), ("force_time", float), *[(n, float, (d,)) for n in ("position", "velocity", "sensor_force")]])
+    return np.dtype(
+        [("time", float), ("force_time", float), *[(n, float, (d,)) for n in ("position", "velocity", "sensor_force")]]
+    )
 
 
 class Loaded:
@@ -69,7 +71,8 @@ class Loaded:
         self._library = ctypes.CDLL(str(path))
         found = re.search(rf"double opaque\[(\d+)\].*{name}_state", header)
         axes = re.search(rf"#define {name}_AXES (\d+)", header)
-        assert found and axes
+        assert found is not None
+        assert axes is not None
         self.d = int(axes[1])
         self._state = np.zeros(int(found[1]))
         self._name = name

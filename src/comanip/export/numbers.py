@@ -116,7 +116,8 @@ def _envelope(envelope: Envelope) -> tuple[Array, Array, tuple[int, int, int]]:
     limits = [*attrgetter(*LIMITS)(envelope.limits), envelope._dt, envelope._late, envelope._stale]
     rules = [checker.v_max, checker.a_max, checker.dt]
     pulls, before = let_go._pulls.maxlen, let_go._before.maxlen
-    assert pulls is not None and before is not None
+    assert pulls is not None
+    assert before is not None
     return np.array(limits, dtype=float), np.array(rules, dtype=float), (pulls, before, let_go._swing)
 
 

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - the lines are those of other languages
 """The package that `--to ros2-control` writes: a controller for ros2_control of Jazzy or later, with the exported C inside."""
 
 HPP = """\

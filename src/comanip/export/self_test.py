@@ -1,4 +1,4 @@
-"""A thousand ticks and what the Python answers to them, as C behind the controller: compile with -DCOMANIP_SELF_TEST and run it."""
+"""A thousand ticks and what the Python answers to them, as C behind the controller: for -DCOMANIP_SELF_TEST."""
 
 from __future__ import annotations
 
@@ -89,7 +89,10 @@ static void observe(int n, @NAME@_obs *obs) {
     copy(obs->sensor_force, row + 2 * D, D);
 }
 
-static double off_by(double a, double b) { return a == b || (a != a && b != b) ? 0.0 : a != a || b != b ? INFINITY : fabs(a - b); }
+static double off_by(double a, double b) {
+    if (a == b || (a != a && b != b)) return 0.0;
+    return a != a || b != b ? INFINITY : fabs(a - b);
+}
 
 int main(void) {
     double furthest = 0.0;

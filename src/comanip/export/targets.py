@@ -1,5 +1,7 @@
-"""What a controller can be written as. A target takes `make`, which gives a controller that has never run, and where it goes to; it
-gives the text of every file. `parts.EXPORTS` names them."""
+"""What a controller can be written as; `parts.EXPORTS` names them.
+
+A target takes `make`, which gives a controller that has never run, and where it goes to; it gives the text of every file.
+"""
 
 from __future__ import annotations
 
