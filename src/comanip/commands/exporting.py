@@ -63,7 +63,7 @@ def export(
         return
     about = found.about
     say(
-        f"{', '.join(files)}: {about['role']}, law {about['law']!r}, axes {', '.join(about['axes'])}, a tick each {about['dt_s']:g} s"
+    say(f"{', '.join(files)}: {about['role']}, law {about['law']!r}, axes {', '.join(about['axes'])}")
     )
     say(f"state {about['state_bytes']} bytes; names begin with {about['prefix']}_; nobody has tried it on a robot: docs/robot.md")
 
