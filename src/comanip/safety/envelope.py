@@ -198,6 +198,8 @@ class Envelope(Copied, Situation, Bounds):
     def _begin(self, obs: Observation, *, resumes: bool) -> str:
         try:
             time, position = float(obs.time), [float(x) for x in obs.position]
+            if not resumes:
+                self._enclose(position)
             problem = self._problem(obs)
         except Exception as error:
             return f"sensors: {error!r}"
