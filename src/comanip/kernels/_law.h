@@ -267,18 +267,13 @@ static void pace(Law *l, const double *x, const double *force) {
     }
 }
 
-/* CollaborativeSkill._anticipate */
-static void anticipate(Law *l, const double *x, const double *force, double *foreseen) {
-    const Numbers *law = &l->law;
+/* foresight.anticipated */
+static void anticipated(const Law *l, const Numbers *law, const double *force, double *foreseen) {
     const int d = l->d;
+    const Table *t = l->tables + (int)*l->where.goal;
+    const double s = *l->where.phase, speed = length(l->compliance, d);
     double now[MOST_AXES], ahead[MOST_AXES];
     for (int i = 0; i < d; i++) foreseen[i] = 0.0;
-    locate(l, x, l->compliance);
-    const Table *t = l->tables + (int)*l->where.goal;
-    const double before = l->shown_clock[PHASE], s = *l->where.phase, speed = length(l->compliance, d);
-    l->shown_clock[RATE] = (s - before) / l->dt;
-    l->shown_clock[PHASE] = s;
-    that_way(t, d, x, l->compliance, l->taught);
     if (speed < 0.02) return;
     row_at(t, t->velocity, d, s, now);
     const double usual = most(length(now, d), 0.03);
@@ -291,6 +286,16 @@ static void anticipate(Law *l, const double *x, const double *force, double *for
     agreement *= within((dot(force, foreseen, d) / most(asked, 1e-9) + 1.0) / 2.0, 0.0, 1.0);
     agreement *= law->anticipation / most(asked / MOST_FORESEEN, 1.0);
     for (int i = 0; i < d; i++) foreseen[i] = agreement * foreseen[i];
+}
+
+/* CollaborativeSkill._anticipate */
+static void anticipate(Law *l, const double *x, const double *force, double *foreseen) {
+    locate(l, x, l->compliance);
+    const double before = l->shown_clock[PHASE];
+    l->shown_clock[RATE] = (*l->where.phase - before) / l->dt;
+    l->shown_clock[PHASE] = *l->where.phase;
+    that_way(l->tables + (int)*l->where.goal, l->d, x, l->compliance, l->taught);
+    anticipated(l, &l->law, force, foreseen);
 }
 
 /* collaborate._beyond */
@@ -492,11 +497,13 @@ static int follow_on(Law *l, const double *x, const double *felt, double *const 
     memcpy(l->position, x, sizeof(double) * d);
     memcpy(l->pull, pull, sizeof(double) * d);
     *l->rest_s = rest_s, *l->moved = moved;
+    double foreseen[MOST_AXES];
+    anticipated(l, &l->following, force, foreseen);
     for (int i = 0; i < d; i++) {
         if (resting && !moved) l->bias[i] += l->bias_share * pull[i];
         force[i] -= l->shown_expected[i];
     }
-    comply(l, &l->following, force, length(l->compliance, d), untaught(l->compliance, l->taught, d), nothing);
+    comply(l, &l->following, force, length(l->compliance, d), untaught(l->compliance, l->taught, d), foreseen);
     send(l, &l->following, x, nothing, out);
     return 1;
 }
