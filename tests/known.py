@@ -3,12 +3,9 @@ taken off the list. `BY_TIME` may pass: the machine's speed decides, or nobody h
 """
 
 LIGHT = "an arm that pulls by about its weight is taken for letting go"
-JUMP = "what a resting person does may read as a jump of the sensor's zero under the faster force estimate"
 FASTER = "the leader is faster than this claim was written for"
 
 KNOWN = {
-    "tests/faults/test_people_faults.py::test_C9_what_people_do_at_rest_is_no_jump[2]": JUMP,
-    "tests/faults/test_people_faults.py::test_C12_a_wall_stops_it_and_is_not_pressed_on[leader]": LIGHT,
     "tests/skills/test_tick.py::test_a_hundred_thousand_ticks_hold_no_more_memory[follower-100000]": (
         "a hand that follows positions and is kept from sinking every 6 s has left its ledger by 5 cm after some minutes"
     ),

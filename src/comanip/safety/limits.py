@@ -14,7 +14,7 @@ from ..errors import ParameterError
 ISO_SLOW_M_PER_S = 0.25  # reduced speed of ISO 10218-1 with a person in reach: Limits(v_max_m_per_s=ISO_SLOW_M_PER_S)
 SPEED_MARGIN = 1.6  # the fastest partners whom a skill met in trials moved 1.5 times as fast as the fastest lesson
 LED_N = 6.0  # what leads a hand under the default law, which yields to all that lasts; or, where that is more,
-LED_SHARE = 0.8  # of what led a teacher: strokes are led with more
+LED_SHARE = 1.0  # of what led a teacher: strokes are led with more
 BESIDE_M = 0.25  # from here a leader moves over to what was taught, 0.3 m with the margin of the walls
 WALL_MARGIN_M = 0.05  # beyond the learned workspace: who starts a little beside it is not refused
 
