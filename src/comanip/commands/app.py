@@ -263,7 +263,7 @@ def export(
     skill: Annotated[list[Path], Parameter(consume_multiple=True)],
     /,
     *,
-    to: Annotated[ExportTarget, Parameter(help="c: one C99 file and its header; ctypes: a module beside it; ros2-control: a package.")] = "c",
+    to: Annotated[ExportTarget, Parameter(help="c: one C99 file and its header; ctypes: a module beside it; ros2-control: a package; page: one HTML file to lift on.")] = "c",
     role: Annotated[
         Literal["leader", "follower", "auto"] | None,
         Parameter(help="auto: the robot is told nothing; give skills of both roles."),
@@ -278,11 +278,17 @@ def export(
     gravity: Annotated[
         str | None, Parameter(help="One number an axis [m/s^2], e.g. 0,0,-9.81; default: down the axis named z.")
     ] = None,
+    task: Annotated[str | None, Parameter(help="page: what is carried (comanip tasks), or your own .toml; default lift.")] = None,
     out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="Default: the skill's name, here.")] = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Write a skill, its envelope and its force estimate as source without Python: comanip export skill.json --to c -o skill.c"""
+    if to == "page":
+        from . import lifting
+
+        others = {"--role": role, "--law": law, "--goal": goal, "--gravity": gravity}
+        return lifting.export_page(skill, out, task, others, overwrite, json)
     from . import exporting as command
 
     command.export(
@@ -430,6 +436,36 @@ def tasks(
     from . import tasks as command
 
     command.tasks(names, plot, json)
+
+
+@app.command
+def page(
+    skill: Annotated[list[Path], Parameter(consume_multiple=True)] = [],
+    /,
+    *,
+    task: Annotated[str | None, Parameter(help="What is carried (comanip tasks), or your own .toml; default lift.")] = None,
+    port: Annotated[int, Parameter(help="0: any that is free.")] = 0,
+) -> None:
+    """Serve the page of `export --to page` on 127.0.0.1; without skills, of simulated lessons. Ctrl-C ends it."""
+    from . import lifting as command
+
+    command.page(skill, task, port)
+
+
+@app.command
+def study(
+    files: Annotated[list[Path], Parameter(consume_multiple=True)],
+    /,
+    *,
+    plot: Annotated[Path | None, Parameter(help="Draw the differences into this .png, .svg or .pdf.")] = None,
+    out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="Keep every trial as .mcap in this folder.")] = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Analyse studies done on the page, one file a person: comanip study *.jsonl --plot study.png"""
+    from . import studying as command
+
+    command.study(files, plot, out, overwrite, json)
 
 
 @app.command

@@ -44,7 +44,9 @@ def main() -> int:
     new = built()
     if "--check" in sys.argv[1:]:
         same = SHIPPED.exists() and SHIPPED.read_bytes() == new
-        print("page.wasm is what its sources give" if same else "page.wasm differs from its sources: python -m comanip.page.build")
+        print(
+            "page.wasm is what its sources give" if same else "page.wasm differs from its sources: python -m comanip.page.build"
+        )
         return 0 if same else 1
     SHIPPED.write_bytes(new)
     print(f"{SHIPPED}: {len(new)} bytes")

@@ -128,7 +128,9 @@ def _told(task: Task) -> dict[str, Any]:
     gravity = task.gravity.tolist()
     return {
         "name": task.name,
-        "axes": [{"name": axis.name, "up": axis.up, "start": float(start)} for axis, start in zip(task.axes_, task.start, strict=True)],
+        "axes": [
+            {"name": axis.name, "up": axis.up, "start": float(start)} for axis, start in zip(task.axes_, task.start, strict=True)
+        ],
         "gravity": gravity,
         "axial": [float(axis == task.carried.along) for axis in task.axes],
         "mass_kg": task.carried.mass_kg,

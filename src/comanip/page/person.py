@@ -101,5 +101,3 @@ _ALL = (1 << 64) - 1
 def carried_by(mass_kg: float, gravity: Array, share: float = 0.5) -> Array:
     """(d,) [N] that a person who holds the other end carries of the object's weight."""
     return np.array([-(1.0 - share) * mass_kg * g for g in np.asarray(gravity).tolist()])
-
-

@@ -5,7 +5,8 @@ import { lengthOf, judged } from "./judge.js";
 import { clamp } from "./scene.js";
 
 export const WEIGHS_S = 0.32, BLENDS_S = 0.15, LONGEST_S = 40, RESTS_S = 1.7, RESTS_M_PER_S = 0.012, MOST_BEHIND_MS = 250;
-const BACK_MS = 900, KEPT = ["position", "velocity", "sensor_force", "force", "true_force", "tilt", "command_velocity", "end_position", "pull_n"];
+const BACK_MS = 900;
+export const KEPT = ["position", "velocity", "sensor_force", "force", "true_force", "tilt", "command_velocity", "end_position", "pull_n"];
 
 // The order of chances from a seed: what a trial gives is the same again.
 export function chances(seed) {

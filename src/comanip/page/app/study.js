@@ -2,9 +2,10 @@
 // the end. Nothing is sent anywhere; whoever takes part may stop at any time and keep what there is, or nothing.
 
 import { download } from "./files.js";
+import { KEPT } from "./session.js";
 import { element } from "./teach.js";
 
-const VERSION = 1, KEPT = ["position", "velocity", "sensor_force", "force", "true_force", "tilt", "command_velocity", "end_position", "pull_n"];
+const STUDY_VERSION = 1;
 const QUESTIONS = [["ease", "How easy was it?", "hard", "easy"], ["predictability", "How well could you tell what the robot would do next?", "not at all", "very well"]];
 
 // The n-th order of `count` things: orders of seeds that follow each other run through all there are.
@@ -67,7 +68,7 @@ export class Study {
     this.trial = 0;
     this.practised = 0;
     this.records = [{
-      type: "study", version: VERSION, participant, seed, order: this.order.map(one => one.name), conditions: plan.conditions.map(one => one.name), trials: plan.trials, practice: plan.practice,
+      type: "study", version: STUDY_VERSION, participant, seed, order: this.order.map(one => one.name), conditions: plan.conditions.map(one => one.name), trials: plan.trials, practice: plan.practice,
       role: plan.role, task: this.page.config.task.name, load_mass_kg: this.page.config.task.mass_kg, load_share: this.page.config.task.share, gravity_m_per_s2: this.page.config.task.gravity,
       axes: this.page.config.task.axes.map(axis => axis.name), consent: true, started: new Date().toISOString(), source: "comanip page: a person at a pointer, exact beam",
     }];
