@@ -23,7 +23,7 @@ from .person import Hand
 
 DT_S = 0.01
 MODULES = (
-    "files", "mcap", "engine", "scene", "hands", "sound", "judge", "strips", "session", "skillfile", "teach", "study", "understand", "about", "main",
+    "files", "mcap", "engine", "scene", "hands", "sound", "judge", "strips", "session", "skillfile", "em", "teach", "study", "understand", "about", "main",
 )  # fmt: skip
 # of the exact beam and its sensor, as plants.beam has them
 ROBOT = {
