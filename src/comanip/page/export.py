@@ -19,11 +19,12 @@ from ..learned.file import to_json
 from ..learned.skill import LearnedSkill
 from ..tasks import Task, named
 from ..whole_file import write_whole
+from .numbers import constants, numbers, robot, roles
 from .person import Hand
 
 DT_S = 0.01
 MODULES = (
-    "files", "mcap", "engine", "scene", "hands", "sound", "judge", "strips", "session", "skillfile", "em", "teach", "study", "understand", "about", "main",
+    "files", "mcap", "engine", "scene", "hands", "sound", "judge", "strips", "session", "prepare", "skillfile", "em", "teach", "study", "understand", "about", "main",
 )  # fmt: skip
 # of the exact beam and its sensor, as plants.beam has them
 ROBOT = {
@@ -68,7 +69,8 @@ def page(skills: Mapping[str, LearnedSkill], *, task: str | Path | None = None, 
         "robot": ROBOT,
         "hand": asdict(Hand()),
         "skills": {role: to_json(one) for role, one in skills.items()},
-        "numbers": _numbers(skills),
+        "numbers": _numbers(skills, known),
+        "prepare": constants(known, dt=DT_S),
         "energy_j": 3.0,
         "study": _study(skills),
         "about": ABOUT,
@@ -84,10 +86,9 @@ def bundle() -> str:
     return "\n".join(_EXPORT.sub("", _IMPORT.sub("", _read(f"{name}.js"))) for name in MODULES)
 
 
-def _numbers(skills: Mapping[str, LearnedSkill]) -> dict[str, str]:
-    return {role: encoded(np.zeros(1)) for role in ("leader", "follower") if role in skills} | (
-        {"auto": encoded(np.zeros(1))} if {"leader", "follower"} <= set(skills) else {}
-    )
+def _numbers(skills: Mapping[str, LearnedSkill], task: Task) -> dict[str, str]:
+    """What the page can be told -> the numbers of that robot."""
+    return {role: encoded(numbers(robot(skills, role, dt=DT_S), task)) for role in roles(skills)}
 
 
 def _study(skills: Mapping[str, LearnedSkill]) -> dict[str, Any]:

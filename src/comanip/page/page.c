@@ -10,9 +10,20 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MOST_AXES 6
-#define PI 3.14159265358979323846
 #include "../kernels/_layout.h"
+#include "../kernels/_vectors.h"
+#include "../kernels/_path.h"
+#include "../kernels/_foresight.h"
+#include "../kernels/_filter.h"
+#define TICK(law, filter, xi) filter_tick(filter, xi)
+#include "../kernels/_law.h"
+#include "../kernels/_enter.h"
+#include "../kernels/_roles.h"
+#include "../kernels/_checker.h"
+#include "../kernels/_envelope.h"
+#include "../kernels/_guard.h"
+#include "../kernels/_estimate.h"
+#include "../kernels/_whole.h"
 #include "../kernels/_beam.h"
 
 #define EXPORT(name) __attribute__((export_name(#name))) name
@@ -20,7 +31,7 @@
 enum { MOST_LATE = 64, MOST_FILTERED = 16 };
 
 /* One number each; the page and Python know them by these names, see `page_names`. */
-#define NUMBERS(X) \
+#define WORLD_NUMBERS(X) \
     X(axes) X(dt_s) X(step_s) X(mass_kg) X(length_m) X(wrist_stiffness_nm_per_rad) X(wrist_damping_nms_per_rad) X(actuator_lag_s) \
     X(noise_n) X(bias_n) X(delay_s) X(expected_delay_s) X(stated_mass_kg) X(share) X(seed) \
     X(hand_n_per_m) X(hand_ns_per_m) X(hand_kg) X(hand_cap_n) X(grip_n_per_m) X(grip_ns_per_m) X(smooth_s) X(grip_s) \
@@ -28,7 +39,7 @@ enum { MOST_LATE = 64, MOST_FILTERED = 16 };
     X(holds) X(time_s) X(ticks) X(grip) X(payload_kg) \
     X(mode) X(reason) X(reason_value) X(passes) X(acts) X(tank_j) X(confidence) X(phase_s) X(clock_rate) X(blend)
 /* One number an axis. `position` to `force` are what the robot knows at its last tick, `hand_*` and `end_*` are true now. */
-#define VECTORS(X) \
+#define WORLD_VECTORS(X) \
     X(gravity) X(axial) X(start) X(moves_m) X(pointer) X(aim) X(aim_speed) X(place) X(place_speed) X(stretch_n) X(pull_n) \
     X(position) X(velocity) X(sensor_force) X(force) X(true_force) X(tilt) X(expected_force) X(command_position) X(command_velocity) \
     X(command_acceleration) X(end_position) X(end_velocity) X(carried_n)
@@ -39,24 +50,17 @@ enum { MOST_LATE = 64, MOST_FILTERED = 16 };
 
 enum { ROBOT_SKILL, ROBOT_MASS_DAMPER, ROBOT_PLANNED, ROBOT_HOLDS };
 
-typedef struct { /* TaringInteractionForce and CausalInteractionForce, of finite numbers */
-    int ticks, left, count, begun, late, averages;
-    double sum[MOST_AXES], blend, mass, offset[MOST_AXES], velocity[MOST_AXES], force[MOST_AXES];
-    int known[MOST_AXES], filtering[MOST_AXES];
-    double past[MOST_AXES][MOST_FILTERED];
-    double b0, b1, b2, a1, a2, s1[MOST_AXES], s2[MOST_AXES];
-} Estimate;
-
 typedef struct {
-    NUMBERS(A_NUMBER)
-    VECTORS(A_VECTOR)
+    WORLD_NUMBERS(A_NUMBER)
+    WORLD_VECTORS(A_VECTOR)
     Beam beam;
-    Estimate estimate;
+    Weighing weighing; /* for robots without a skill; a skill has its own */
+    Weighed estimate;
+    double past[MOST_AXES * MOST_FILTERED];
     double line[MOST_AXES][MOST_LATE], total[MOST_AXES], reference[MOST_AXES], compliance[MOST_AXES];
     int substeps, substep;
     uint64_t noise;
-    double *numbers; /* of the skill, and its memory */
-    void *skill;
+    struct Robot *robot_with_skill;
 } World;
 
 #include "robot.h"
@@ -90,68 +94,19 @@ static void solve(Wrist *w, double k, double c, double h) {
     w->yy = co + a * si, w->yv = si, w->yu = yu, w->vy = -k * si, w->vv = co - a * si, w->vu = si;
 }
 
-static void lowpass(Estimate *e, double cutoff_hz, double dt) {
-    const double k = tan(PI * cutoff_hz * dt), norm = 1.0 / (1.0 + sqrt(2.0) * k + k * k);
+/* The estimate of a robot without a skill: interaction.TaringInteractionForce as loop and trials make it */
+static void estimate_begin(World *w) {
+    Weighing *e = &w->weighing;
+    const double delay = w->expected_delay_s + 0.5 * w->dt_s, k = tan(PI * least(40.0, 0.4 / w->dt_s) * w->dt_s);
+    const double norm = 1.0 / (1.0 + sqrt(2.0) * k + k * k);
+    *e = (Weighing){.dt = w->dt_s, .mass = w->stated_mass_kg, .share = w->share, .moving = 0.01, .d = (int)w->axes};
+    e->ticks = (int)nearbyint(0.25 / w->dt_s), e->average = delay < 0.5 * w->dt_s;
+    const double wait = (e->average ? delay : delay - 0.5 * w->dt_s) / w->dt_s;
+    e->late = (int)wait < MOST_FILTERED - 2 ? (int)wait : MOST_FILTERED - 2, e->blend = wait - e->late;
     e->b0 = k * k * norm, e->b1 = 2.0 * e->b0, e->b2 = e->b0;
     e->a1 = 2.0 * (k * k - 1.0) * norm, e->a2 = (1.0 - sqrt(2.0) * k + k * k) * norm;
-}
-
-static void estimate_begin(World *w) {
-    Estimate *e = &w->estimate;
-    memset(e, 0, sizeof *e);
-    e->ticks = e->left = (int)nearbyint(0.25 / w->dt_s);
-    const double delay = w->expected_delay_s + 0.5 * w->dt_s;
-    e->averages = delay < 0.5 * w->dt_s;
-    const double wait = (e->averages ? delay : delay - 0.5 * w->dt_s) / w->dt_s;
-    e->late = (int)wait, e->blend = wait - e->late;
-    lowpass(e, fmin(40.0, 0.4 / w->dt_s), w->dt_s);
-}
-
-/* TaringInteractionForce._weighed */
-static void weighed(World *w) {
-    Estimate *e = &w->estimate;
-    double g2 = 0.0, along = 0.0, bias[MOST_AXES] = {0};
-    e->mass = w->stated_mass_kg;
-    for (int i = 0; i < w->axes; i++) g2 += w->gravity[i] * w->gravity[i];
-    if (e->count >= 3 && g2 > 0.0) {
-        for (int i = 0; i < w->axes; i++) along += e->sum[i] / e->count * w->gravity[i];
-        along /= g2;
-        e->mass = fmax(along / w->share, 0.0);
-        for (int i = 0; i < w->axes; i++) bias[i] = e->sum[i] / e->count - w->share * e->mass * w->gravity[i];
-    }
-    w->payload_kg = e->mass;
-    for (int i = 0; i < w->axes; i++) e->offset[i] = -(w->share * e->mass) * w->gravity[i] - bias[i];
-    e->begun = 1;
-}
-
-static void estimate_step(World *w) {
-    Estimate *e = &w->estimate;
-    if (!e->begun) {
-        int rests = 1;
-        for (int i = 0; i < w->axes; i++) rests &= fabs(w->velocity[i]) < 0.01;
-        e->left--;
-        if (e->left >= 0 && rests) {
-            for (int i = 0; i < w->axes; i++) e->sum[i] += w->sensor_force[i], w->force[i] = 0.0;
-            e->count++;
-            return;
-        }
-        weighed(w);
-    }
-    for (int i = 0; i < w->axes; i++) {
-        double *past = e->past[i], force = w->sensor_force[i];
-        const double before = force, a = e->known[i] ? (w->velocity[i] - e->velocity[i]) / w->dt_s : 0.0;
-        memmove(past + 1, past, sizeof *past * (e->late + 1));
-        past[0] = a;
-        const double acceleration = past[e->late] + e->blend * (past[e->late + 1] - past[e->late]);
-        if (e->averages && e->known[i]) force = 0.5 * (force + e->force[i]);
-        e->velocity[i] = w->velocity[i], e->force[i] = before, e->known[i] = 1;
-        const double value = force + w->share * e->mass * acceleration + e->offset[i];
-        if (!e->filtering[i]) e->filtering[i] = 1, e->s1[i] = value * (1.0 - e->b0), e->s2[i] = value * (e->b2 - e->a2);
-        const double out = e->b0 * value + e->s1[i];
-        e->s1[i] = e->b1 * value - e->a1 * out + e->s2[i];
-        e->s2[i] = e->b2 * value - e->a2 * out;
-        w->force[i] = out;
-    }
+    copy(e->gravity, w->gravity, e->d);
+    estimate_reset(e, &w->estimate);
 }
 
 /* BeamPlant.read */
@@ -169,7 +124,8 @@ static void plain_robot(World *w) {
     double wanted[MOST_AXES], changed = 0.0, speed = 0.0, unit[3];
     const double t = w->time_s - w->robot_onset_s, planned = w->robot == ROBOT_PLANNED && t > 0.0;
     minimum_jerk(t / w->robot_duration_s, unit);
-    estimate_step(w);
+    estimate(&w->weighing, &w->estimate, w->past, w->velocity, w->sensor_force, w->force);
+    w->payload_kg = w->estimate.payload;
     for (int i = 0; i < w->axes; i++) {
         w->compliance[i] = (w->robot_kg * w->compliance[i] + w->dt_s * w->force[i]) / (w->robot_kg + w->dt_s * w->robot_ns_per_m);
         wanted[i] = w->robot == ROBOT_HOLDS ? 0.0 : w->compliance[i];
@@ -235,14 +191,14 @@ static void move(World *w) {
 
 /* ------------------------------------------------------------------------------------------------ for page and Python */
 
-const char *EXPORT(page_names)(void) { return NUMBERS(A_NAME) "|" VECTORS(A_NAME); }
+const char *EXPORT(page_names)(void) { return WORLD_NUMBERS(A_NAME) "|" WORLD_VECTORS(A_NAME); }
 int EXPORT(page_most_axes)(void) { return MOST_AXES; }
 double *EXPORT(page_room)(int numbers) { return calloc(numbers > 0 ? numbers : 1, sizeof(double)); }
 World *EXPORT(page_new)(void) { return calloc(1, sizeof(World)); }
 void EXPORT(page_free)(World *w) { skill_free(w), free(w); }
 
-/* Takes a skill's numbers, which stay the caller's; 0, or why not (robot.h). */
-int EXPORT(page_skill)(World *w, double *numbers, int n) { return skill_take(w, numbers, n); }
+/* Takes a skill's numbers, which stay where they are; 0, or why not (robot.h). */
+int EXPORT(page_skill)(World *w, const double *numbers, int n) { return skill_take(w, numbers, n); }
 
 /* From rest at `start`, held by both; 0 where a number is not allowed. Everything but what was set before is forgotten. */
 int EXPORT(page_begin)(World *w) {
@@ -287,7 +243,7 @@ int EXPORT(page_begin)(World *w) {
 void EXPORT(page_advance)(World *w, int substeps) {
     for (int n = 0; n < substeps; n++) {
         if (w->substep == 0) {
-            if (w->robot == ROBOT_SKILL && w->skill) skill_tick(w);
+            if (w->robot == ROBOT_SKILL && w->robot_with_skill) skill_tick(w);
             else plain_robot(w);
         }
         move(w);
@@ -295,7 +251,7 @@ void EXPORT(page_advance)(World *w, int substeps) {
 }
 
 /* The robot runs again after a HOLD; 0, or the number of the reason why not. */
-int EXPORT(page_rearm)(World *w) { return w->skill ? skill_rearm_world(w) : 0; }
+int EXPORT(page_rearm)(World *w) { return w->robot_with_skill ? skill_rearm(w) : 0; }
 const char *EXPORT(page_reason)(int reason) { return skill_reason(reason); }
 int EXPORT(page_shown)(World *w, int what, double *out) { return skill_shown(w, what, out); }
 

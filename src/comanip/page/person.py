@@ -29,7 +29,7 @@ class Hand:
     hand_cap_n: float = 30.0  # half of what the envelope bears
     grip_n_per_m: float = 2000.0
     grip_ns_per_m: float = 40.0
-    smooth_s: float = 0.010  # a pointer comes in steps of a frame
+    smooth_s: float = 0.040  # a pointer comes in steps, and not evenly
     grip_s: float = 0.15
 
 

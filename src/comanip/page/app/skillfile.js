@@ -1,6 +1,7 @@
 // A skill file that somebody opens: read strictly, as learned/file.py does. What it says is data, and never markup or code.
 
 import { ascii, sha256 } from "./files.js";
+import { prepared } from "./prepare.js";
 
 const FIELDS = "format version role law settings axes dt_s units workspace_m ends_m model clock provenance sha256 paths onsets_s starts_m".split(" ");
 const MOST_BYTES = 20e6, DEEPEST = 40;
@@ -103,5 +104,43 @@ export function readSkill(text, config) {
   if (!["leader", "follower", "natural"].includes(content.role)) throw new Error("it states no role, leader or follower");
   if (content.axes.join() !== axes.join()) throw new Error(`it is for the axes ${content.axes.join(", ").slice(0, 60)}; this page lifts along ${axes.join(", ")}`);
   if (!content.paths.length) throw new Error("it stores no path of its lessons: learn it again with this comanip");
-  return { content, numbers: () => { throw new Error("this page cannot prepare skills yet: comanip export " + content.role + ".json --to page"); } };
+  check(content, axes.length);
+  return { content, numbers: skills => numbersFor(skills, config) };
+}
+
+// What the page can be told with these skills -> the numbers of that robot.
+export function numbersFor(skills, config) {
+  const told = ["leader", "follower"].filter(role => skills[role]);
+  return Object.fromEntries([...told, ...(told.length === 2 ? ["auto"] : [])].map(role => [role, prepared(skills, role, config.prepare)]));
+}
+
+// Shapes and numbers of all that `prepared` reads.
+function check(content, d) {
+  const fail = what => { throw new Error(`a field is missing or malformed: ${what}`); };
+  const list = (value, size, what) => { if (!Array.isArray(value) || (size >= 0 && value.length !== size)) fail(what); return value; };
+  const number = (value, what) => { if (typeof value !== "number" || !Number.isFinite(value)) fail(what); return value; };
+  const rows = (value, n, width, what) => list(value, n, what).forEach(row => list(row, width, what).forEach(x => number(x, what)));
+  const { model } = content;
+  if (!model || model.kind !== "hmm") fail("model: the page runs hmm alone");
+  const D = list(model.channels, -1, "model.channels").length, K = list(model.means, -1, "model.means").length;
+  const known = ["position", "force", "velocity"].flatMap(group => content.axes.map(axis => `${group}.${axis}`));
+  if (K < 1 || K > 256 || D !== known.length || !known.every(name => model.channels.includes(name))) fail("model.channels: position, force and velocity of each axis");
+  rows(model.means, K, D, "model.means");
+  list(model.covariances, K, "model.covariances").forEach(S => rows(S, D, D, "model.covariances"));
+  rows(model.transition, K, K, "model.transition");
+  list(model.initial, K, "model.initial").forEach(x => number(x, "model.initial"));
+  rows(content.workspace_m, d, 2, "workspace_m");
+  rows(content.ends_m, -1, d, "ends_m");
+  if (!content.ends_m.length || content.paths.length > 16 || !(content.dt_s > 0)) fail("ends_m, paths or dt_s");
+  list(content.onsets_s, -1, "onsets_s").forEach(x => number(x, "onsets_s"));
+  if (typeof content.settings !== "object" || content.settings === null) fail("settings");
+  Object.values(content.settings).forEach(x => number(x, "settings"));
+  for (const path of content.paths) {
+    const n = list(path.position_m, -1, "paths").length;
+    if (n < 2 || n > 100000 || !(number(path.step_s, "step_s") > 0)) fail("paths");
+    rows(path.position_m, n, d, "position_m");
+    rows(path.force_n, n, d, "force_n");
+    list(path.spread_m, n, "spread_m").forEach(x => number(x, "spread_m"));
+    rows(path.ends_m, -1, d, "paths.ends_m");
+  }
 }
