@@ -114,7 +114,9 @@ def follow(tab: Any, rng: random.Random, *, delay_s: float | None = None, hand: 
 
 
 def _taken(tab: Any, before: int) -> dict[str, Any]:
-    time.sleep(0.05)
+    until = time.monotonic() + 12.0
+    while tab.evaluate("comanip.takes.length") == before and time.monotonic() < until:
+        time.sleep(0.05)
     assert tab.evaluate("comanip.takes.length") == before + 1, tab.evaluate("comanip.session.phase")
     found: dict[str, Any] = tab.evaluate("(() => { const t = comanip.takes[comanip.takes.length - 1]; return {verdict: t.verdict, role: t.role, goal: t.goal, take: t.take} })()")
     return found

@@ -4,7 +4,7 @@ import { World } from "./engine.js";
 import { lengthOf, judged } from "./judge.js";
 import { clamp } from "./scene.js";
 
-export const WEIGHS_S = 0.32, BLENDS_S = 0.15, LONGEST_S = 40, RESTS_S = 1.7, RESTS_M_PER_S = 0.012, MOST_BEHIND_MS = 250;
+export const WEIGHS_S = 0.32, BLENDS_S = 0.15, LONGEST_S = 40, RESTS_S = 1.7, RESTS_M = 0.008, MOST_BEHIND_MS = 250;
 const BACK_MS = 900;
 export const KEPT = ["position", "velocity", "sensor_force", "force", "true_force", "tilt", "command_velocity", "end_position", "pull_n"];
 
@@ -51,6 +51,7 @@ export class Session {
     this.take = { dt: this.world.get("dt_s"), start: this.start.slice(), weights: [], role: [], mode: [], phase: [], ...Object.fromEntries(KEPT.map(name => [name, []])) };
     this.last = this.start.map(() => 0);
     this.stillS = 0;
+    this.anchor = this.start.map(() => 0);
     this.goneAt = null;
     this.letGo = false;
     this.led = false;
@@ -116,12 +117,13 @@ export class Session {
     take.phase.push(world.get("phase_s"));
     take.weights.push(world.shown(0));
     take.role.push(world.shown(1));
-    const place = take.position[take.position.length - 1].map((x, n) => x - this.start[n]), speed = lengthOf(take.velocity[take.velocity.length - 1]);
+    const place = take.position[take.position.length - 1].map((x, n) => x - this.start[n]);
     if (this.goneAt === null && lengthOf(place) > 0.01) {
       this.goneAt = world.get("time_s");
       this.led = world.get("acts") === 1 || world.get("acts") === 2;
     }
-    this.stillS = speed < RESTS_M_PER_S ? this.stillS + dt : 0;
+    this.stillS = lengthOf(place.map((x, n) => x - this.anchor[n])) < RESTS_M ? this.stillS + dt : 0;
+    if (this.stillS === 0) this.anchor = place;
     this.hooks.ticked?.(this);
     const t = world.get("time_s"), ended = this.goneAt !== null && this.stillS > RESTS_S && !this.letGo && this.restCounts(place);
     if (ended || t > LONGEST_S || (this.letGo && t - this.letGoAt > 6)) this.finish();
