@@ -13,7 +13,12 @@ from typing import Any
 
 import pytest
 
-CHROMIUM = os.environ.get("COMANIP_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+CHROMIUM = (
+    os.environ.get("COMANIP_CHROMIUM")
+    or shutil.which("chromium")
+    or shutil.which("chromium-browser")
+    or shutil.which("google-chrome")
+)
 READY = "html[data-ready=yes]"
 
 
@@ -45,7 +50,10 @@ def opened(one: Any, file: Path | str, **context: Any) -> Iterator[Any]:
     tab.on("pageerror", lambda error: wrong.append(str(error)))
     tab.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
     where = file if isinstance(file, str) else file.resolve().as_uri()
-    tab.on("request", lambda asked: None if asked.url.startswith((where, "data:", "blob:")) else wrong.append(f"asks for {asked.url}"))
+    tab.on(
+        "request",
+        lambda asked: None if asked.url.startswith((where, "data:", "blob:")) else wrong.append(f"asks for {asked.url}"),
+    )
     try:
         tab.goto(where)
         tab.wait_for_selector(READY, timeout=15000)
@@ -62,7 +70,9 @@ def minimum_jerk(s: float) -> float:
 
 def handle(tab: Any) -> tuple[float, float]:
     """Where the handle is on the screen [px]."""
-    x, y = tab.evaluate("(() => { const b = document.getElementById('scene').getBoundingClientRect(), h = comanip.scene.handle; return [b.x + h[0], b.y + h[1]] })()")
+    x, y = tab.evaluate(
+        "(() => { const b = document.getElementById('scene').getBoundingClientRect(), h = comanip.scene.handle; return [b.x + h[0], b.y + h[1]] })()"
+    )
     return float(x), float(y)
 
 
@@ -76,12 +86,16 @@ def settled(tab: Any, timeout_s: float = 6.0) -> None:
     time.sleep(0.08)  # drawn at least once since
 
 
-def lead(tab: Any, rng: random.Random, *, duration_s: float | None = None, onset_s: float | None = None, hand: Any = None) -> dict[str, Any]:
+def lead(
+    tab: Any, rng: random.Random, *, duration_s: float | None = None, onset_s: float | None = None, hand: Any = None
+) -> dict[str, Any]:
     """Lifts to where the page asks, as people do: by minimum jerk, in a time of their own. Gives the lift as the page kept it."""
     settled(tab)
     taken = tab.evaluate("comanip.takes.length")
     x, y = handle(tab)
-    goal = tab.evaluate("(() => { const s = comanip.session, a = comanip.scene.at(s.here(), 1), b = comanip.scene.at(s.setup.goal, 1); return [b[0] - a[0], b[1] - a[1]] })()")
+    goal = tab.evaluate(
+        "(() => { const s = comanip.session, a = comanip.scene.at(s.here(), 1), b = comanip.scene.at(s.setup.goal, 1); return [b[0] - a[0], b[1] - a[1]] })()"
+    )
     duration, onset = duration_s or rng.uniform(1.6, 3.5), onset_s or rng.uniform(0.6, 1.6)
     hand = hand or Mouse(tab)
     hand.down(x, y)
@@ -118,7 +132,9 @@ def _taken(tab: Any, before: int) -> dict[str, Any]:
     while tab.evaluate("comanip.takes.length") == before and time.monotonic() < until:
         time.sleep(0.05)
     assert tab.evaluate("comanip.takes.length") == before + 1, tab.evaluate("comanip.session.phase")
-    found: dict[str, Any] = tab.evaluate("(() => { const t = comanip.takes[comanip.takes.length - 1]; return {verdict: t.verdict, role: t.role, goal: t.goal, take: t.take} })()")
+    found: dict[str, Any] = tab.evaluate(
+        "(() => { const t = comanip.takes[comanip.takes.length - 1]; return {verdict: t.verdict, role: t.role, goal: t.goal, take: t.take} })()"
+    )
     return found
 
 

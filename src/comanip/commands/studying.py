@@ -41,7 +41,7 @@ def _tell(found: dict[str, Any]) -> None:
     ]
     units = [f"{label} {f'[{unit}]' if unit else ''}".strip() for label, unit, _ in measures.values()]
     table(title, ("condition", "trials", *units, "prefer"), rows)
-    pairs = next(iter(found["differences"].values()), {})
+    pairs: dict[str, Any] = next(iter(found["differences"].values()), {})
     rows = [(pair, *(_interval(found["differences"][m][pair]) for m in measures)) for pair in pairs]
     table(f"Differences in pairs of {found['pairs_are']}: mean, 95 % interval", ("pair", *units), rows)
 

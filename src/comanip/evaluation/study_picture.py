@@ -14,8 +14,8 @@ def study_picture(found: Mapping[str, Any], measures: Mapping[str, tuple[str, st
     """Figure of what `page.study.analysis` found; `measures`: name -> (what it is, unit, whether more is better)."""
     pairs = list(next(iter(found["differences"].values()), {}))
     caption = (
-        f"Mean paired difference and its 95 % interval over pairs of {found['pairs_are']}, {found['persons']} persons. Right of the "
-        "line the first of a pair has more. An interval over the line shows no difference; other persons may refute any of it."
+        f"Mean paired difference and its 95 % interval over pairs of {found['pairs_are']}, {found['persons']} persons. Right of "
+        "the line the first of a pair has more. An interval over the line shows no difference; other persons may refute any of it."
     )
     with taste():
         figure = blank(9.0, 1.1 + 0.9 * max(len(pairs), 1), title="A study on the page", caption=caption)

@@ -59,7 +59,9 @@ def cmd_type(d: int) -> np.dtype[Any]:
 
 def obs_type(d: int) -> np.dtype[Any]:
     """NAME_obs as numpy sees it."""
-    return np.dtype([("time", float), ("force_time", float), *[(n, float, (d,)) for n in ("position", "velocity", "sensor_force")]])
+    return np.dtype(
+        [("time", float), ("force_time", float), *[(n, float, (d,)) for n in ("position", "velocity", "sensor_force")]]
+    )
 
 
 class Loaded:

@@ -1,4 +1,4 @@
-"""page.wasm from page.c and the kernels' headers: `python -m comanip.page.build`, and `--check` for whether it still is what ships.
+"""page.wasm from page.c and the kernels' headers: `python -m comanip.page.build`; `--check` says whether it is still what ships.
 
 The compiler is ziglang's clang, of the one version that is named here, so that the same sources give the same bytes everywhere.
 """

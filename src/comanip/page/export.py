@@ -19,17 +19,19 @@ from ..learned.file import to_json
 from ..learned.skill import LearnedSkill
 from ..tasks import Task, named
 from ..whole_file import write_whole
-from .numbers import constants, numbers, robot, roles
+from .numbers import EXPECTED_DELAY_S, constants, numbers, robot, roles
 from .person import Hand
 
 DT_S = 0.01
 MODULES = (
-    "files", "mcap", "engine", "scene", "hands", "sound", "judge", "strips", "session", "prepare", "skillfile", "em", "teach", "study", "understand", "about", "main",
+    "files", "mcap", "engine", "scene", "hands", "sound", "judge", "strips", "session", "prepare", "skillfile", "em", "teach",
+    "study", "understand", "about", "main",
 )  # fmt: skip
 # of the exact beam and its sensor, as plants.beam has them
 ROBOT = {
-    "dt_s": DT_S, "step_s": 0.001, "wrist_stiffness_nm_per_rad": 2000.0, "wrist_damping_nms_per_rad": 29.0, "actuator_lag_s": 0.02,
-    "noise_n": 0.2, "bias_n": 0.0, "delay_s": 0.005, "expected_delay_s": 0.010, "v_max_m_per_s": 0.8, "a_max_m_per_s2": 10.0,
+    "dt_s": DT_S, "step_s": 0.001, "wrist_stiffness_nm_per_rad": 2000.0, "wrist_damping_nms_per_rad": 29.0,
+    "actuator_lag_s": 0.02, "noise_n": 0.2, "bias_n": 0.0, "delay_s": 0.005, "expected_delay_s": EXPECTED_DELAY_S,
+    "v_max_m_per_s": 0.8, "a_max_m_per_s2": 10.0,
 }  # fmt: skip
 CONSENT = (
     "You carry a beam with three simulated robots, a few lifts each, and answer two questions about each. It takes about ten "
@@ -37,12 +39,14 @@ CONSENT = (
     "anywhere, and no name is asked. You may stop at any time, without a reason."
 )
 ABOUT = [
-    "You hold one end of a beam, a robot the other. The robot learned to lead and to follow from a few lessons; what it does here "
-    "is computed in this page, a thousand times a second, by the same C that comanip runs elsewhere. Nothing is sent anywhere.",
-    "The beam is the exact beam of comanip: 2 kg, level on the robot's wrist. Your pointer pulls your hand through a spring of "
-    "150 N/m and 22 N s/m, at most 30 N; your hand weighs 1 kg and holds the beam with a soft grip of 2 kN/m. How far the elastic "
-    "stretches is the force. A mouse gives no force back: what you feel here is what you see and hear, and not what an arm would.",
-    "This is a simulation, and no statement about a real robot or about real people.",
+    "You hold one end of a beam, a robot the other. The robot learned to lead and to follow from a few lessons. Its whole skill "
+    "(force estimate, model, law, roles) and its whole safety envelope are computed in this page, by the same C that comanip "
+    "runs elsewhere, a hundred times a second; beam and hand a thousand times. Nothing is sent anywhere.",
+    "The beam is the exact beam of comanip, held level by the robot's wrist. Your pointer pulls your hand through a spring of "
+    "150 N/m and 22 N s/m, at most 30 N; your hand weighs 1 kg and holds the beam with a soft grip of 2 kN/m. How far the "
+    "elastic stretches is the force. A mouse gives no force back: you see and hear it, and do not feel it as an arm would.",
+    "The robots without a skill, in lessons and studies (mass-damper, damping, a plan that gives way), have no envelope but a "
+    "limit of speed and acceleration. This is a simulation, and no statement about a real robot or about real people.",
 ]
 _IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const|let)\b)", re.MULTILINE)
@@ -118,7 +122,8 @@ def _task(skills: Mapping[str, LearnedSkill], task: str | Path | None) -> Task:
     for role, one in skills.items():
         if one.axes != known.axes:
             raise MismatchError(
-                f"skill {role!r} is for the axes {', '.join(one.axes)}, task {known.name!r} has {', '.join(known.axes)}: give --task"
+                f"skill {role!r} is for the axes {', '.join(one.axes)}, task {known.name!r} has {', '.join(known.axes)}: "
+                "give another --task"
             )
     if turning := [axis.name for axis in known.axes_ if axis.kind != "length"]:
         raise MismatchError(f"task {known.name!r} turns along {turning[0]!r}; the page carries along straight axes alone")

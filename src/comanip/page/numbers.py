@@ -1,7 +1,7 @@
-"""All numbers of a robot's skill in one block of float64, as page/robot.h reads them; app/prepare.js makes the same of a skill file.
+"""All numbers of a robot's skill in one block of float64, as page/robot.h reads them; app/prepare.js makes the same of files.
 
-The header's numbers stand in the order of `HEADER`; behind it come arrays in the order in which `block` puts them, each as long as
-the header says.
+The header's numbers stand in the order of `HEADER`; behind it come arrays in the order in which `numbers` puts them, each as
+long as the header says.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from ..tasks import Task
 
 VERSION = 1
 HEADER = (
-    "version", "d", "dt", "changes", "leads", "goals", "states", "heard", "filters", "strengths", "stations", "plans", "alike", "keep",
-    "model_dt", "pull_s", "bias_s", "told", "most_pulls", "most_before", "swing", "late", "blend", "average", "ticks", "mass", "share",
-    "moving", "b0", "b1", "b2", "a1", "a2", "gate", "patience",
+    "version", "d", "dt", "changes", "leads", "goals", "states", "heard", "filters", "strengths", "stations", "plans", "alike",
+    "keep", "model_dt", "pull_s", "bias_s", "told", "most_pulls", "most_before", "swing", "late", "blend", "average", "ticks",
+    "mass", "share", "moving", "b0", "b1", "b2", "a1", "a2", "gate", "patience",
 )  # fmt: skip
 TARE_S, MOVING_M_PER_S = 0.25, 0.01
 FLOOR, GATE, PATIENCE = 1e-6, 20.0, 3  # of models.filtering.StateFilter where nobody says another
@@ -60,7 +60,9 @@ def numbers(skill: Any, task: Task, *, expected_delay_s: float = EXPECTED_DELAY_
     """
     inner = skill.skill
     if not isinstance(inner, RoleSkill | CollaborativeSkill):
-        raise MismatchError(f"the page runs the default law alone; this skill is a {type(inner).__name__}: learn it with --law default")
+        raise MismatchError(
+            f"the page runs the default law alone; this skill is a {type(inner).__name__}: learn it with --law default"
+        )
     weighing = _weighing(skill.dt, task, expected_delay_s)
     header = {**_sizes(skill), **weighing}
     parts = [np.array([float(header[name]) for name in HEADER]), *_laws(inner), *_limits(skill), task.gravity, *_paths(inner)]
@@ -151,7 +153,8 @@ def constants(task: Task, *, dt: float) -> dict[str, Any]:
     policy, doubts = RolePolicy(), Doubts()
     plans = foresight.GRID.shape[1]
     header = {
-        "version": VERSION, "dt": dt, "strengths": len(GAINS), "plans": plans, "alike": len(foresight.PACES) * len(foresight.LATE_S),
+        "version": VERSION, "dt": dt, "strengths": len(GAINS), "plans": plans,
+        "alike": len(foresight.PACES) * len(foresight.LATE_S),
         "keep": exp(-dt / foresight.FELT_S), "pull_s": PULL_S, "bias_s": BIAS_S, "gate": GATE, "patience": PATIENCE,
         "most_pulls": max(round(detectors.SLOW_SWING_S / dt), 1), "most_before": 1 + max(round(detectors.STILL_S / dt), 1),
         "swing": max(round(detectors.SWING_S / dt), 1), **_weighing(dt, task, EXPECTED_DELAY_S),

@@ -40,7 +40,7 @@ enum { MOST_LATE = 64, MOST_FILTERED = 16 };
     X(mode) X(reason) X(reason_value) X(passes) X(acts) X(tank_j) X(confidence) X(phase_s) X(clock_rate) X(blend)
 /* One number an axis. `position` to `force` are what the robot knows at its last tick, `hand_*` and `end_*` are true now. */
 #define WORLD_VECTORS(X) \
-    X(gravity) X(axial) X(start) X(moves_m) X(pointer) X(aim) X(aim_speed) X(place) X(place_speed) X(stretch_n) X(pull_n) \
+    X(gravity) X(axial) X(start) X(moves_m) X(pointer) X(drawn) X(aim) X(aim_speed) X(place) X(place_speed) X(stretch_n) X(pull_n) \
     X(position) X(velocity) X(sensor_force) X(force) X(true_force) X(tilt) X(expected_force) X(command_position) X(command_velocity) \
     X(command_acceleration) X(end_position) X(end_velocity) X(carried_n)
 
@@ -154,7 +154,8 @@ static void hand(World *w) {
     w->grip += fmin(fmax(w->holds - w->grip, -h / w->grip_s), h / w->grip_s);
     for (int i = 0; i < w->axes; i++) {
         const double before = w->aim[i];
-        w->aim[i] += mix * (w->pointer[i] - w->aim[i]);
+        w->drawn[i] += mix * (w->pointer[i] - w->drawn[i]);
+        w->aim[i] += mix * (w->drawn[i] - w->aim[i]);
         w->aim_speed[i] = (w->aim[i] - before) / h;
         stretch[i] = w->hand_n_per_m * (w->aim[i] - w->place[i]) + w->hand_ns_per_m * (w->aim_speed[i] - w->place_speed[i]);
         size += stretch[i] * stretch[i];
@@ -191,9 +192,11 @@ static void move(World *w) {
 
 /* ------------------------------------------------------------------------------------------------ for page and Python */
 
+
 const char *EXPORT(page_names)(void) { return WORLD_NUMBERS(A_NAME) "|" WORLD_VECTORS(A_NAME); }
 int EXPORT(page_most_axes)(void) { return MOST_AXES; }
 double *EXPORT(page_room)(int numbers) { return calloc(numbers > 0 ? numbers : 1, sizeof(double)); }
+void EXPORT(page_drop)(double *room) { free(room); }
 World *EXPORT(page_new)(void) { return calloc(1, sizeof(World)); }
 void EXPORT(page_free)(World *w) { skill_free(w), free(w); }
 
@@ -226,7 +229,7 @@ int EXPORT(page_begin)(World *w) {
         e->line = w->line[i], e->sampled = e->sensor_force;
         for (int n = 0; n <= late; n++) e->line[n] = e->sensor_force;
         w->carried_n[i] = -(1.0 - w->share) * w->mass_kg * w->gravity[i];
-        w->pointer[i] = w->aim[i] = w->place[i] = w->end_position[i] = w->start[i];
+        w->pointer[i] = w->drawn[i] = w->aim[i] = w->place[i] = w->end_position[i] = w->start[i];
         w->aim_speed[i] = w->place_speed[i] = w->stretch_n[i] = w->end_velocity[i] = 0.0;
         w->pull_n[i] = w->carried_n[i];
         w->total[i] = w->compliance[i] = w->force[i] = w->expected_force[i] = 0.0;
@@ -255,20 +258,22 @@ int EXPORT(page_rearm)(World *w) { return w->robot_with_skill ? skill_rearm(w) :
 const char *EXPORT(page_reason)(int reason) { return skill_reason(reason); }
 int EXPORT(page_shown)(World *w, int what, double *out) { return skill_shown(w, what, out); }
 
-/* A whole trace (n, axes) of the pointer, one row a sub-step, and what came of it: rows of `width` at each tick. For tests. */
+/* A whole trace: rows of the pointer (axes) and whether it holds, one a sub-step; a negative `holds` asks to go on after a HOLD. What
+ * came of it, one row a tick: position, velocity, sensor, estimate, commanded velocity (axes each), mode, tank, reason. For tests. */
 int EXPORT(page_replay)(World *w, const double *trace, int n, double *rows) {
     const int d = (int)w->axes;
     int ticks = 0;
-    for (int at = 0; at < n; at++) {
-        memcpy(w->pointer, trace + at * d, sizeof(double) * d);
+    for (int at = 0; at < n; at++, trace += d + 1) {
         const int first = w->substep == 0;
+        copy(w->pointer, trace, d);
+        w->holds = fabs(trace[d]);
+        if (first && trace[d] < 0.0) (void)page_rearm(w);
         page_advance(w, 1);
         if (!first) continue;
-        double *row = rows + ticks++ * 5 * d;
-        for (int i = 0; i < d; i++) {
-            row[i] = w->position[i], row[d + i] = w->velocity[i], row[2 * d + i] = w->sensor_force[i];
-            row[3 * d + i] = w->force[i], row[4 * d + i] = w->command_velocity[i];
-        }
+        const double *const shown[] = {w->position, w->velocity, w->sensor_force, w->force, w->command_velocity};
+        for (int k = 0; k < 5; k++, rows += d) copy(rows, shown[k], d);
+        *rows++ = w->mode, *rows++ = w->tank_j, *rows++ = w->reason;
+        ticks++;
     }
     return ticks;
 }

@@ -1,6 +1,6 @@
 """The person at the page's handle, in Python: the twin of `hand` and of the sensor's noise in page.c.
 
-    f = K (p - q) + B (dp - dq), |f| <= cap      the pointer p, smoothed, pulls the hand q
+    f = K (p - q) + B (dp - dq), |f| <= cap      the pointer p, smoothed twice, pulls the hand q
     m ddq = f - s g                              the hand has a mass, and holds the object with a soft grip:
     g = K_g (q - x) + B_g (dq - dx)              x, the object's end
     pull on the object = s (g + carried)         s in [0, 1]: whether it holds, given and taken within `grip_s`
@@ -29,12 +29,12 @@ class Hand:
     hand_cap_n: float = 30.0  # half of what the envelope bears
     grip_n_per_m: float = 2000.0
     grip_ns_per_m: float = 40.0
-    smooth_s: float = 0.040  # a pointer comes in steps, and not evenly
+    smooth_s: float = 0.030  # twice: a pointer comes in steps, and not evenly
     grip_s: float = 0.15
 
 
 class Handle:
-    """The Partner that a pointer is: row n of `trace` (T, d) [m] is where the pointer is in sub-step n; `holds` (T,) in [0, 1]."""
+    """The Partner that a pointer is: row n of `trace` (T, d) [m] is where it is in sub-step n; `holds` (T,) in [0, 1]."""
 
     def __init__(
         self, trace: Array, *, carried: Array, holds: Array | None = None, hand: Hand = Hand(), step_s: float = 0.001
@@ -44,7 +44,8 @@ class Handle:
 
     def reset(self, position: Array) -> None:
         start = [float(p) for p in position]
-        self._aim, self._place, self._speed, self._grip, self._n = list(start), list(start), [0.0] * len(start), 1.0, 0
+        self._drawn, self._aim, self._place = list(start), list(start), list(start)
+        self._speed, self._grip, self._n = [0.0] * len(start), 1.0, 0
 
     def force(self, time: float, position: Array, velocity: Array, out: Array) -> None:
         hand, h, d = self.hand, self._step, len(self._aim)
@@ -55,7 +56,8 @@ class Handle:
         stretch = [0.0] * d
         for i in range(d):
             before = self._aim[i]
-            self._aim[i] += mix * (float(self.trace[n, i]) - self._aim[i])
+            self._drawn[i] += mix * (float(self.trace[n, i]) - self._drawn[i])
+            self._aim[i] += mix * (self._drawn[i] - self._aim[i])
             speed = (self._aim[i] - before) / h
             stretch[i] = hand.hand_n_per_m * (self._aim[i] - self._place[i]) + hand.hand_ns_per_m * (speed - self._speed[i])
             size += stretch[i] * stretch[i]

@@ -59,7 +59,7 @@ static int fits(const Header *h) {
            whole_number(h->strengths, 1, MOST_FILTERS) && whole_number(h->stations, 2, MOST_STATIONS) && whole_number(h->plans, 0, MOST_PLANS) &&
            whole_number(h->most_pulls, 1, MOST_PULLS) && whole_number(h->most_before, 1, MOST_PULLS) &&
            whole_number(h->swing, 1, h->most_pulls) && whole_number(h->late, 0, MOST_LATE) && whole_number(h->told, -1, h->goals - 1) &&
-           h->dt > 0.0 && h->model_dt > 0.0 && (h->plans == 0.0 || whole_number(h->alike, 1, h->plans));
+           h->dt >= 1e-4 && h->dt <= 0.1 && h->model_dt >= 1e-4 && h->model_dt <= 0.1 && (h->plans == 0.0 || whole_number(h->alike, 1, h->plans));
 }
 
 /* Paths of all goals, and where along them it may be */
@@ -109,7 +109,7 @@ static int lay_bank(Robot *b, Law *l, Reader *r, double **memory) {
     if (!n) return 1;
     bank->n = n, bank->strengths = (int)b->header.strengths, bank->filters = b->bank;
     bank->numbers = taken(r, BANK_GATE + 1.0), bank->prior = taken(r, n + 1.0), bank->centre = taken(r, 3.0 * d), bank->spread = taken(r, 3.0 * d);
-    if (!bank->spread || n % bank->strengths) return 0;
+    if (!bank->spread || n % bank->strengths || bank->numbers[BANK_DT] != l->model_dt) return 0;
     for (int i = 0; i < n; i++) {
         const double *states = taken(r, 1);
         if (!states || !whole_number(*states, 1, MOST_STATES)) return 0;
@@ -180,7 +180,7 @@ static int skill_take(World *w, const double *numbers, int n) {
     if (!b) return NO_MEMORY;
     memcpy(&b->header, header, sizeof(Header));
     const Header *h = &b->header;
-    int wrong = h->version != BLOCK_VERSION ? OTHER_VERSION : h->d != w->axes ? OTHER_AXES : !fits(h) ? OTHER_SIZES : 0;
+    int wrong = h->version != BLOCK_VERSION ? OTHER_VERSION : h->d != w->axes || h->dt != w->dt_s ? OTHER_AXES : !fits(h) ? OTHER_SIZES : 0;
     if (!wrong) {
         double space = 65536.0 + 4.0 * h->stations + 4.0 * h->plans + 4.0 * h->states + (h->most_pulls + h->most_before) * h->d;
         space += h->filters * (4.0 * MOST_STATES + 64.0);

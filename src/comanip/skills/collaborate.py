@@ -470,6 +470,7 @@ def compiled(
     d = len(pace.expected)
     if watch.filter.compiled is None or d > 6 or len(watch.seen) not in (d, 2 * d):
         return None
+
     def by_name(law: CollaborativeLaw) -> Array:
         return layouts.packed("law", asdict(law))
 

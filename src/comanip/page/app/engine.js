@@ -70,7 +70,9 @@ export class World {
 
   // The numbers of a skill, Float64Array; null takes it away.
   skill(numbers) {
-    const refused = this.engine.wasm.page_skill(this.at, numbers ? this.engine.room(numbers) : 0, numbers ? numbers.length : 0);
+    const { wasm } = this.engine, at = numbers ? this.engine.room(numbers) : 0, refused = wasm.page_skill(this.at, at, numbers ? numbers.length : 0);
+    if (this.numbersAt) wasm.page_drop(this.numbersAt);
+    this.numbersAt = at;
     if (refused) throw new Error(`the page cannot run this skill (${refused})`);
     return this;
   }
@@ -93,11 +95,11 @@ export class World {
     return Array.from(new Float64Array(this.engine.wasm.memory.buffer, at, n));
   }
 
-  // A whole trace of the pointer (rows of d), one row a millisecond: rows of position, velocity, sensor, force, command.
+  // A whole trace, a row of pointer (d) and `holds` a millisecond; gives a row a tick, as page_replay says. For tests.
   replay(trace) {
-    const d = this.get("axes"), n = trace.length / d, substeps = Math.round(this.get("dt_s") / this.get("step_s"));
-    const from = this.engine.room(trace), to = this.engine.wasm.page_room(Math.ceil(n / substeps) * 5 * d);
+    const d = this.get("axes"), n = trace.length / (d + 1), substeps = Math.round(this.get("dt_s") / this.get("step_s")), width = 5 * d + 3;
+    const from = this.engine.room(trace), to = this.engine.wasm.page_room(Math.ceil(n / substeps) * width);
     const ticks = this.engine.wasm.page_replay(this.at, from, n, to);
-    return new Float64Array(this.engine.wasm.memory.buffer, to, ticks * 5 * d).slice();
+    return new Float64Array(this.engine.wasm.memory.buffer, to, ticks * width).slice();
   }
 }

@@ -69,7 +69,7 @@ export class Session {
     } else if (this.phase === "runs") {
       this.letGo = false;
       const world = this.world;
-      for (const name of ["place", "aim", "pointer"]) world.vector(name).set(world.vector("end_position"));
+      for (const name of ["place", "drawn", "aim", "pointer"]) world.vector(name).set(world.vector("end_position"));
       world.vector("place_speed").set(world.vector("end_velocity"));
       world.vector("aim_speed").fill(0);
       world.set({ holds: 1 });
@@ -133,7 +133,7 @@ export class Session {
   restCounts(place) {
     const goal = this.setup.goal;
     if (this.world.get("mode") !== 0) return false;
-    if (!goal || this.led) return lengthOf(place) > 0.04 || this.stillS > 6;
+    if (!goal || this.led) return (this.setup.ends ?? []).some(end => lengthOf(place.map((x, n) => x - end[n])) < 0.05) || this.stillS > 6;
     return lengthOf(place.map((x, n) => x - goal[n])) < 0.05 || this.stillS > 6;
   }
 

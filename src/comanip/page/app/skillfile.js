@@ -131,7 +131,7 @@ function check(content, d) {
   list(model.initial, K, "model.initial").forEach(x => number(x, "model.initial"));
   rows(content.workspace_m, d, 2, "workspace_m");
   rows(content.ends_m, -1, d, "ends_m");
-  if (!content.ends_m.length || content.paths.length > 16 || !(content.dt_s > 0)) fail("ends_m, paths or dt_s");
+  if (!content.ends_m.length || content.paths.length > 16 || !(content.dt_s >= 0.0002 && content.dt_s <= 0.05)) fail("ends_m, paths or dt_s");
   list(content.onsets_s, -1, "onsets_s").forEach(x => number(x, "onsets_s"));
   if (typeof content.settings !== "object" || content.settings === null) fail("settings");
   Object.values(content.settings).forEach(x => number(x, "settings"));
