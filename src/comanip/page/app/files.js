@@ -81,7 +81,7 @@ export function channelsOf(task, take) {
 
 // What stands with every recording: eq. (3) needs the object, and learning needs the role.
 export function aboutTake(task, extra) {
-  return { task: task.name, load_mass_kg: task.mass_kg, load_share: task.share, gravity_m_per_s2: task.gravity, source: "comanip page: a person at a pointer, exact beam", ...extra };
+  return { task: task.name, load_mass_kg: task.mass_kg, load_share: task.share, gravity_m_per_s2: task.gravity, made_by: "comanip page: a person at a pointer, exact beam", ...extra };
 }
 
 // Python's repr of a float, for numbers as large as these

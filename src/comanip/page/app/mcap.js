@@ -32,6 +32,16 @@ class Bytes {
   }
 }
 
+// As zlib's, of everything before the end of the data: the reader asks for it
+function crc32(bytes) {
+  let crc = -1;
+  for (const byte of bytes) {
+    crc ^= byte;
+    for (let n = 0; n < 8; n++) crc = (crc >>> 1) ^ (crc & 1 ? 0xedb88320 : 0);
+  }
+  return ~crc >>> 0;
+}
+
 function schemaOf({ axes, unit }) {
   if (!axes.every(axis => "xyz".includes(axis))) return "std_msgs/msg/Float64MultiArray";
   return { m: "geometry_msgs/msg/PointStamped", N: "geometry_msgs/msg/WrenchStamped" }[unit] ?? "geometry_msgs/msg/Vector3Stamped";
@@ -83,7 +93,7 @@ export function recordingMcap(task, take, extra, schemas = task.schemas) {
   });
   for (let t = 0; t < n; t++)
     channels.forEach((channel, id) => record(MESSAGE, new Bytes().u16(id + 1).u32(t).u64(times[t]).u64(times[t]).put(message(schemaOf(channel), channel, channel.rows[t], times[t]))));
-  record(DATA_END, new Bytes().u32(0));
+  record(DATA_END, new Bytes().u32(crc32(file.done())));
   record(FOOTER, new Bytes().u64(0).u64(0).u32(0));
   return file.put(new Uint8Array(MAGIC)).done();
 }

@@ -70,7 +70,7 @@ export class Study {
     this.records = [{
       type: "study", version: STUDY_VERSION, participant, seed, order: this.order.map(one => one.name), conditions: plan.conditions.map(one => one.name), trials: plan.trials, practice: plan.practice,
       role: plan.role, task: this.page.config.task.name, load_mass_kg: this.page.config.task.mass_kg, load_share: this.page.config.task.share, gravity_m_per_s2: this.page.config.task.gravity,
-      axes: this.page.config.task.axes.map(axis => axis.name), consent: true, started: new Date().toISOString(), source: "comanip page: a person at a pointer, exact beam",
+      axes: this.page.config.task.axes.map(axis => axis.name), consent: true, started: new Date().toISOString(), made_by: "comanip page: a person at a pointer, exact beam",
     }];
     this.stage = plan.practice > 0 ? "practice" : "trials";
     this.show();
