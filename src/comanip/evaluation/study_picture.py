@@ -24,7 +24,7 @@ def study_picture(found: Mapping[str, Any], measures: Mapping[str, tuple[str, st
             _differences(panel, found["differences"][name], more)
             panel.set_title(for_drawing(what), fontsize=7.5)
             label(panel, unit or "difference", "")
-        panels[0].set_yticks(range(len(pairs)), [for_drawing(pair.replace(" - ", " −\n")) for pair in pairs], fontsize=7.5)
+        panels[0].set_yticks(range(len(pairs)), ["\n− ".join(map(for_drawing, pair.split(" - ", 1))) for pair in pairs], fontsize=7.5)
         for panel in panels[1:-1]:
             panel.set_yticks(range(len(pairs)), [""] * len(pairs))
         _preference(panels[-1], found["prefer"])
@@ -42,6 +42,7 @@ def _differences(panel: Any, differences: Mapping[str, Any], more_is_better: boo
         if isfinite(d.low):
             panel.plot([d.low, d.high], [n, n], color=colour, lw=1.6)
         panel.plot([d.mean], [n], marker=marker, color=colour, ms=6)
+    panel.margins(x=0.15)
     panel.set_ylim(len(differences) - 0.5, -0.5)
 
 
