@@ -86,8 +86,22 @@ def settled(tab: Any, timeout_s: float = 6.0) -> None:
     time.sleep(0.08)  # drawn at least once since
 
 
+def until(tab: Any, says: str, timeout_s: float = 15.0) -> None:
+    """Until the page says so; playwright's own way is forbidden by the page's policy."""
+    end = time.monotonic() + timeout_s
+    while not tab.evaluate(says):
+        assert time.monotonic() < end, f"never: {says}"
+        time.sleep(0.03)
+
+
 def lead(
-    tab: Any, rng: random.Random, *, duration_s: float | None = None, onset_s: float | None = None, hand: Any = None
+    tab: Any,
+    rng: random.Random,
+    *,
+    duration_s: float | None = None,
+    onset_s: float | None = None,
+    hand: Any = None,
+    pace: float = 1.0,
 ) -> dict[str, Any]:
     """Lifts to where the page asks, as people do: by minimum jerk, in a time of their own. Gives the lift as the page kept it."""
     settled(tab)
@@ -101,7 +115,7 @@ def lead(
     hand.down(x, y)
     begun = time.monotonic()
     while tab.evaluate("comanip.session.phase") == "runs" and time.monotonic() - begun < 30.0:
-        share = minimum_jerk((time.monotonic() - begun - onset) / duration)
+        share = minimum_jerk((pace * (time.monotonic() - begun) - onset) / duration)
         hand.move(x + goal[0] * share + rng.gauss(0.0, 0.4), y + goal[1] * share + rng.gauss(0.0, 0.4))
         time.sleep(0.012)
     hand.up()

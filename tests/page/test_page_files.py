@@ -25,7 +25,14 @@ from comanip.whole_file import digest
 from page.node import ran
 from page.worlds import DT, in_python
 
-TASK = {"name": "lift", "mass_kg": 2.0, "share": 0.5, "gravity": [-9.80665], "axes": [{"name": "z", "up": 1, "start": 0.85}], "schemas": dict(SCHEMAS)}
+TASK = {
+    "name": "lift",
+    "mass_kg": 2.0,
+    "share": 0.5,
+    "gravity": [-9.80665],
+    "axes": [{"name": "z", "up": 1, "start": 0.85}],
+    "schemas": dict(SCHEMAS),
+}
 LIFTED = """
 const engine = await Engine.from(fs.readFileSync(given.wasm));
 const take = seed => {
@@ -47,7 +54,7 @@ WORLD = {
     "dt_s": 0.01, "step_s": 0.001, "wrist_stiffness_nm_per_rad": 2000.0, "wrist_damping_nms_per_rad": 29.0, "actuator_lag_s": 0.02,
     "noise_n": 0.2, "bias_n": 0.0, "delay_s": 0.005, "expected_delay_s": 0.01, "v_max_m_per_s": 0.8, "a_max_m_per_s2": 10.0,
     "hand_n_per_m": 150.0, "hand_ns_per_m": 22.0, "hand_kg": 1.0, "hand_cap_n": 30.0, "grip_n_per_m": 2000.0, "grip_ns_per_m": 40.0,
-    "smooth_s": 0.03, "grip_s": 0.15, "axes": 1, "mass_kg": 2.0, "stated_mass_kg": 2.0, "length_m": 0.8, "share": 0.5, "robot": 1,
+    "smooth_s": 0.04, "hand_m_per_s": 0.33, "grip_s": 0.15, "axes": 1, "mass_kg": 2.0, "stated_mass_kg": 2.0, "length_m": 0.8, "share": 0.5, "robot": 1,
     "robot_kg": 4.0, "robot_ns_per_m": 15.0, "holds": 1, "gravity": [-9.80665], "axial": [0.0], "start": [0.85],
 }  # fmt: skip
 
@@ -86,11 +93,30 @@ def test_the_page_judges_as_the_judge_does(skills: dict[str, LearnedSkill], tmp_
     trace[:, 0] += 0.29 * s**3 * (10 + s * (-15 + 6 * s))
     recording = in_python(task, trace, holds=np.ones(len(trace)), skill=robot(skills, "leader", dt=DT))
     expected = judge(case, recording, start_m=task.start, taught_ends_m=skills["leader"].ends)
-    names = {"position": "hand.position", "velocity": "hand.velocity", "force": "hand.true_force", "true_force": "hand.true_force", "tilt": "beam.tilt"}
+    names = {
+        "position": "hand.position",
+        "velocity": "hand.velocity",
+        "force": "hand.true_force",
+        "true_force": "hand.true_force",
+        "tilt": "beam.tilt",
+    }
     take = {"dt": DT, "start": task.start.tolist(), **{key: recording[name].values.tolist() for key, name in names.items()}}
     ends = (skills["leader"].ends - task.start).tolist()
-    found = ran(tmp_path, "answer(judged(given.take, { ends: given.ends, goal: null, starts: true }));", modules={"judge": "judged"}, take=take, ends=ends)
-    for ours, name in (("effort_n2s", "effort_n2s"), ("peak_n", "peak_force_n"), ("residual_n", "residual_force_n"), ("tilt_deg", "tilt_deg"), ("ripple_m_per_s", "ripple_m_per_s"), ("end_error_m", "end_error_m")):
+    found = ran(
+        tmp_path,
+        "answer(judged(given.take, { ends: given.ends, goal: null, starts: true }));",
+        modules={"judge": "judged"},
+        take=take,
+        ends=ends,
+    )
+    for ours, name in (
+        ("effort_n2s", "effort_n2s"),
+        ("peak_n", "peak_force_n"),
+        ("residual_n", "residual_force_n"),
+        ("tilt_deg", "tilt_deg"),
+        ("ripple_m_per_s", "ripple_m_per_s"),
+        ("end_error_m", "end_error_m"),
+    ):
         assert found[ours] == pytest.approx(abs(getattr(expected, name)), rel=1e-6, abs=1e-9), ours
     assert found["effort_n2s"] == pytest.approx(effort(smooth(recording["hand.true_force"].values, DT, 15.0), DT), rel=1e-9)
     assert (not found["failures"]) == expected.success
@@ -119,14 +145,21 @@ def damaged(good: dict) -> dict[str, str]:
         "no path": signed({**other, "paths": []}),
         "a path of text": signed({**other, "paths": [{**other["paths"][0], "spread_m": nasty}]}),
         "a model of text": signed({**other, "model": {**other["model"], "means": nasty}}),
-        "no covariance": signed({**other, "model": {**other["model"], "covariances": [[[0.0] * 3] * 3] * len(other["model"]["means"])}}),
+        "no covariance": signed(
+            {**other, "model": {**other["model"], "covariances": [[[0.0] * 3] * 3] * len(other["model"]["means"])}}
+        ),
     }
 
 
-def test_hostile_skill_files_are_one_line_and_a_good_one_with_markup_for_names_is_data(skills: dict[str, LearnedSkill], tmp_path: Path) -> None:
+def test_hostile_skill_files_are_one_line_and_a_good_one_with_markup_for_names_is_data(
+    skills: dict[str, LearnedSkill], tmp_path: Path
+) -> None:
     good = skill_file.to_json(skills["leader"])
     bad = damaged(good)
-    fine = {**{k: v for k, v in good.items() if k != "sha256"}, "provenance": {"name": "<script>alert(1)</script>", "note": "\u2028ä😀\x7f"}}
+    fine = {
+        **{k: v for k, v in good.items() if k != "sha256"},
+        "provenance": {"name": "<script>alert(1)</script>", "note": "\u2028ä😀\x7f"},
+    }
     skill_file.from_json(fine | {"sha256": digest(fine)})
     for number, text in enumerate(bad.values()):
         (tmp_path / f"{number}.json").write_text(text)
@@ -137,7 +170,13 @@ def test_hostile_skill_files_are_one_line_and_a_good_one_with_markup_for_names_i
     for (let n = 0; n < given.count; n++) { try { said.push([n, "taken", open(n)]); } catch (error) { said.push([n, error.constructor.name, error.message]); } }
     answer({ said, fine: open("fine"), polluted: {}.polluted ?? null });
     """
-    found = ran(tmp_path, script, modules={"skillfile": "readSkill"}, count=len(bad), prepare=json.loads(json.dumps(constants(named("lift"), dt=DT))))
+    found = ran(
+        tmp_path,
+        script,
+        modules={"skillfile": "readSkill"},
+        count=len(bad),
+        prepare=json.loads(json.dumps(constants(named("lift"), dt=DT))),
+    )
     for (number, kind, text), name in zip(found["said"], bad, strict=True):
         assert kind == "Error", (name, kind, text)
         assert "\n" not in text, (name, text)

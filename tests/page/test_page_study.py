@@ -18,7 +18,9 @@ CONDITIONS = ("default", "mass-damper", "damping")
 EFFORT = {"default": 4.0, "mass-damper": 15.0, "damping": 60.0}
 
 
-def written(folder: Path, name: str, rng: np.random.Generator, *, spread: float = 0.2, trials: int = 4, complete: bool = True) -> Path:
+def written(
+    folder: Path, name: str, rng: np.random.Generator, *, spread: float = 0.2, trials: int = 4, complete: bool = True
+) -> Path:
     lines: list[dict] = [{
         "type": "study", "version": 1, "participant": name, "seed": 3, "order": list(CONDITIONS), "conditions": list(CONDITIONS), "trials": trials,
         "task": "lift", "axes": ["z"], "load_mass_kg": 2.0, "load_share": 0.5, "gravity_m_per_s2": [-9.80665], "made_by": "test",
@@ -27,10 +29,29 @@ def written(folder: Path, name: str, rng: np.random.Generator, *, spread: float 
     for block, condition in enumerate(CONDITIONS):
         for trial in range(trials):
             effort = EFFORT[condition] * hand * float(np.exp(spread * rng.normal()))
-            verdict = {"success": condition != "damping", "effort_n2s": effort, "peak_n": effort**0.5, "duration_s": 2.0 + block, "end_error_m": None}
+            verdict = {
+                "success": condition != "damping",
+                "effort_n2s": effort,
+                "peak_n": effort**0.5,
+                "duration_s": 2.0 + block,
+                "end_error_m": None,
+            }
             channels = {"position": [[0.85], [0.86]], "force": [[0.0], [1.0]], "sensor_force": [[-9.8], [-9.0]]}
-            lines.append({"type": "trial", "block": block + 1, "condition": condition, "trial": trial + 1, "seed": trial, "dt_s": 0.01, "verdict": verdict, "channels": channels})
-        lines.append({"type": "answers", "block": block + 1, "condition": condition, "ease": 7 - 2 * block, "predictability": 6 - block})
+            lines.append(
+                {
+                    "type": "trial",
+                    "block": block + 1,
+                    "condition": condition,
+                    "trial": trial + 1,
+                    "seed": trial,
+                    "dt_s": 0.01,
+                    "verdict": verdict,
+                    "channels": channels,
+                }
+            )
+        lines.append(
+            {"type": "answers", "block": block + 1, "condition": condition, "ease": 7 - 2 * block, "predictability": 6 - block}
+        )
     lines.append({"type": "preference", "block": 1, "condition": "default", "comment": "<b>x</b>"})
     if complete:
         lines.append({"type": "end", "reason": "complete"})

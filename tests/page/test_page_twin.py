@@ -132,7 +132,7 @@ def test_numbers_that_are_no_skill_are_refused_and_never_run(skills: dict[str, L
     from comanip.page.numbers import HEADER
 
     world = {**ROBOT, "axes": 1, "mass_kg": 2.0, "stated_mass_kg": 2.0, "length_m": 0.8, "share": 0.5, "seed": 1, "robot": 0, "holds": 1,
-             "hand_n_per_m": 150, "hand_ns_per_m": 22, "hand_kg": 1, "hand_cap_n": 30, "grip_n_per_m": 2000, "grip_ns_per_m": 40, "smooth_s": 0.04, "grip_s": 0.15}  # fmt: skip
+             "hand_n_per_m": 150, "hand_ns_per_m": 22, "hand_kg": 1, "hand_cap_n": 30, "grip_n_per_m": 2000, "grip_ns_per_m": 40, "smooth_s": 0.04, "hand_m_per_s": 0.33, "grip_s": 0.15}  # fmt: skip
     said = ran(tmp_path, script, modules={"engine": "Engine, World"}, arrays={"block": block}, header=len(HEADER), world=world)
     assert said["whole"] == "runs"
     assert set(said) <= {"whole", "refused", "header refused", "header runs", "header not finite"}

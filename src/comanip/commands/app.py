@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from cyclopts import App, CycloptsError, Group, Parameter
 
 from .. import __version__, parts
+from . import on_the_page
 from .flags import BackendFlags, DataFlags, LearnedLaw, LearnFlags
 
 app = App(
@@ -263,7 +264,7 @@ def export(
     skill: Annotated[list[Path], Parameter(consume_multiple=True)],
     /,
     *,
-    to: Annotated[ExportTarget, Parameter(help="c: one C99 file and its header; ctypes: a module beside it; ros2-control: a package; page: one HTML file to lift on.")] = "c",
+    to: Annotated[ExportTarget, Parameter(help="c, ctypes, ros2-control: source without Python; page: HTML to lift on.")] = "c",
     role: Annotated[
         Literal["leader", "follower", "auto"] | None,
         Parameter(help="auto: the robot is told nothing; give skills of both roles."),
@@ -284,16 +285,9 @@ def export(
     json: Json = False,
 ) -> None:
     """Write a skill, its envelope and its force estimate as source without Python: comanip export skill.json --to c -o skill.c"""
-    if to == "page":
-        from . import lifting
-
-        others = {"--role": role, "--law": law, "--goal": goal, "--gravity": gravity}
-        return lifting.export_page(skill, out, task, others, overwrite, json)
     from . import exporting as command
 
-    command.export(
-        skill, to, out, role, law, dt, goal, mass_kg, load_share, tare_s, force_delay_ms, gravity, overwrite, json
-    )
+    command.export(skill, to, out, role, law, dt, goal, mass_kg, load_share, tare_s, force_delay_ms, gravity, overwrite, json)
 
 
 @app.command
@@ -438,34 +432,8 @@ def tasks(
     command.tasks(names, plot, json)
 
 
-@app.command
-def page(
-    skill: Annotated[list[Path], Parameter(consume_multiple=True)] = [],
-    /,
-    *,
-    task: Annotated[str | None, Parameter(help="What is carried (comanip tasks), or your own .toml; default lift.")] = None,
-    port: Annotated[int, Parameter(help="0: any that is free.")] = 0,
-) -> None:
-    """Serve the page of `export --to page` on 127.0.0.1; without skills, of simulated lessons. Ctrl-C ends it."""
-    from . import lifting as command
-
-    command.page(skill, task, port)
-
-
-@app.command
-def study(
-    files: Annotated[list[Path], Parameter(consume_multiple=True)],
-    /,
-    *,
-    plot: Annotated[Path | None, Parameter(help="Draw the differences into this .png, .svg or .pdf.")] = None,
-    out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="Keep every trial as .mcap in this folder.")] = None,
-    overwrite: Overwrite = False,
-    json: Json = False,
-) -> None:
-    """Analyse studies done on the page, one file a person: comanip study *.jsonl --plot study.png"""
-    from . import studying as command
-
-    command.study(files, plot, out, overwrite, json)
+app.command(on_the_page.page)
+app.command(on_the_page.study)
 
 
 @app.command

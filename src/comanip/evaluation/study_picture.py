@@ -15,7 +15,7 @@ def study_picture(found: Mapping[str, Any], measures: Mapping[str, tuple[str, st
     pairs = list(next(iter(found["differences"].values()), {}))
     caption = (
         f"Mean paired difference and its 95 % interval over pairs of {found['pairs_are']}, {found['persons']} persons. Right of "
-        "the line the first of a pair has more. An interval over the line shows no difference; other persons may refute any of it."
+        "the line the first of a pair has more. An interval over the line shows no difference; others may refute any of it."
     )
     with taste():
         figure = blank(9.0, 1.1 + 0.9 * max(len(pairs), 1), title="A study on the page", caption=caption)
@@ -24,7 +24,9 @@ def study_picture(found: Mapping[str, Any], measures: Mapping[str, tuple[str, st
             _differences(panel, found["differences"][name], more)
             panel.set_title(for_drawing(what), fontsize=7.5)
             label(panel, unit or "difference", "")
-        panels[0].set_yticks(range(len(pairs)), ["\n− ".join(map(for_drawing, pair.split(" - ", 1))) for pair in pairs], fontsize=7.5)
+        panels[0].set_yticks(
+            range(len(pairs)), ["\n− ".join(map(for_drawing, pair.split(" - ", 1))) for pair in pairs], fontsize=7.5
+        )
         for panel in panels[1:-1]:
             panel.set_yticks(range(len(pairs)), [""] * len(pairs))
         _preference(panels[-1], found["prefer"])

@@ -42,9 +42,9 @@ ABOUT = [
     "You hold one end of a beam, a robot the other. The robot learned to lead and to follow from a few lessons. Its whole skill "
     "(force estimate, model, law, roles) and its whole safety envelope are computed in this page, by the same C that comanip "
     "runs elsewhere, a hundred times a second; beam and hand a thousand times. Nothing is sent anywhere.",
-    "The beam is the exact beam of comanip, held level by the robot's wrist. Your pointer pulls your hand through a spring of "
-    "150 N/m and 22 N s/m, at most 30 N; your hand weighs 1 kg and holds the beam with a soft grip of 2 kN/m. How far the "
-    "elastic stretches is the force. A mouse gives no force back: you see and hear it, and do not feel it as an arm would.",
+    "The beam is the exact beam of comanip, held level by the robot's wrist. Your pointer leads your hand, at 0.33 m/s at most, "
+    "through a spring of 120 N/m and 20 N s/m, at most 20 N; your hand weighs 1 kg and holds the beam with a soft grip of "
+    "2 kN/m. How far the elastic stretches is the force. A mouse gives no force back: you see and hear it, and do not feel it.",
     "The robots without a skill, in lessons and studies (mass-damper, damping, a plan that gives way), have no envelope but a "
     "limit of speed and acceleration. This is a simulation, and no statement about a real robot or about real people.",
 ]

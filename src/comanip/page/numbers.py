@@ -76,8 +76,9 @@ def _weighing(dt: float, task: Task, expected_delay_s: float) -> dict[str, float
     wait = (delay_s if average else delay_s - 0.5 * dt) / dt
     section = lowpass_coefficients(felt_cutoff_hz(dt), dt)
     return {
-        "late": int(wait), "blend": wait - int(wait), "average": average, "ticks": round(TARE_S / dt), "mass": task.carried.mass_kg,
-        "share": task.carried.share, "moving": MOVING_M_PER_S, **dict(zip(("b0", "b1", "b2", "a1", "a2"), section, strict=True)),
+        "late": int(wait), "blend": wait - int(wait), "average": average, "ticks": round(TARE_S / dt),
+        "mass": task.carried.mass_kg, "share": task.carried.share, "moving": MOVING_M_PER_S,
+        **dict(zip(("b0", "b1", "b2", "a1", "a2"), section, strict=True)),
     }  # fmt: skip
 
 

@@ -34,7 +34,7 @@ enum { MOST_LATE = 64, MOST_FILTERED = 16 };
 #define WORLD_NUMBERS(X) \
     X(axes) X(dt_s) X(step_s) X(mass_kg) X(length_m) X(wrist_stiffness_nm_per_rad) X(wrist_damping_nms_per_rad) X(actuator_lag_s) \
     X(noise_n) X(bias_n) X(delay_s) X(expected_delay_s) X(stated_mass_kg) X(share) X(seed) \
-    X(hand_n_per_m) X(hand_ns_per_m) X(hand_kg) X(hand_cap_n) X(grip_n_per_m) X(grip_ns_per_m) X(smooth_s) X(grip_s) \
+    X(hand_n_per_m) X(hand_ns_per_m) X(hand_kg) X(hand_cap_n) X(grip_n_per_m) X(grip_ns_per_m) X(smooth_s) X(hand_m_per_s) X(grip_s) \
     X(robot) X(robot_kg) X(robot_ns_per_m) X(robot_attraction_per_s) X(robot_onset_s) X(robot_duration_s) X(v_max_m_per_s) X(a_max_m_per_s2) \
     X(holds) X(time_s) X(ticks) X(grip) X(payload_kg) \
     X(mode) X(reason) X(reason_value) X(passes) X(acts) X(tank_j) X(confidence) X(phase_s) X(clock_rate) X(blend)
@@ -147,14 +147,16 @@ static void plain_robot(World *w) {
     }
 }
 
-/* person.Handle.force: the pointer pulls the hand through a capped spring, the hand's mass pulls the object through its grip. */
+/* person.Handle.force: the pointer, no faster than a hand goes, pulls the hand through a capped spring, the hand's mass pulls the object through its grip. */
 static void hand(World *w) {
     const double h = w->step_s, mix = h / w->smooth_s;
-    double stretch[MOST_AXES], size = 0.0;
+    double stretch[MOST_AXES], size = 0.0, far = 0.0;
+    for (int i = 0; i < w->axes; i++) far += (w->pointer[i] - w->drawn[i]) * (w->pointer[i] - w->drawn[i]);
+    const double asked = mix * sqrt(far), share = asked > w->hand_m_per_s * h ? w->hand_m_per_s * h / asked : 1.0;
     w->grip += fmin(fmax(w->holds - w->grip, -h / w->grip_s), h / w->grip_s);
     for (int i = 0; i < w->axes; i++) {
         const double before = w->aim[i];
-        w->drawn[i] += mix * (w->pointer[i] - w->drawn[i]);
+        w->drawn[i] += share * mix * (w->pointer[i] - w->drawn[i]);
         w->aim[i] += mix * (w->drawn[i] - w->aim[i]);
         w->aim_speed[i] = (w->aim[i] - before) / h;
         stretch[i] = w->hand_n_per_m * (w->aim[i] - w->place[i]) + w->hand_ns_per_m * (w->aim_speed[i] - w->place_speed[i]);
@@ -162,9 +164,9 @@ static void hand(World *w) {
     }
     size = sqrt(size);
     for (int i = 0; i < w->axes; i++) {
-        const double far = w->beam.ends[i].far_position, speed = w->beam.ends[i].far_velocity;
+        const double end = w->beam.ends[i].far_position, speed = w->beam.ends[i].far_velocity;
         if (size > w->hand_cap_n) stretch[i] *= w->hand_cap_n / size;
-        const double grips = w->grip * (w->grip_n_per_m * (w->place[i] - far) + w->grip_ns_per_m * (w->place_speed[i] - speed));
+        const double grips = w->grip * (w->grip_n_per_m * (w->place[i] - end) + w->grip_ns_per_m * (w->place_speed[i] - speed));
         w->stretch_n[i] = stretch[i];
         w->place_speed[i] += h * (stretch[i] - grips) / w->hand_kg;
         w->place[i] += h * w->place_speed[i];

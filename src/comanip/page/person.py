@@ -17,19 +17,21 @@ from typing import Any
 import numpy as np
 
 from ..interfaces import Array
+from ..signals.vectors import length
 
 
 @dataclass(frozen=True)
 class Hand:
     """Numbers of the hand at the handle, as `page.c` names them."""
 
-    hand_n_per_m: float = 150.0  # of a relaxed arm, 100 to 400
-    hand_ns_per_m: float = 22.0
+    hand_n_per_m: float = 120.0  # of a relaxed arm, 100 to 400
+    hand_ns_per_m: float = 20.0
     hand_kg: float = 1.0
-    hand_cap_n: float = 30.0  # half of what the envelope bears
+    hand_cap_n: float = 20.0  # a third of what the envelope bears
     grip_n_per_m: float = 2000.0
     grip_ns_per_m: float = 40.0
-    smooth_s: float = 0.030  # twice: a pointer comes in steps, and not evenly
+    smooth_s: float = 0.040  # twice: a pointer comes in steps, and not evenly
+    hand_m_per_s: float = 0.33  # who sets out faster is not led, but pushed: a mouse jumps, and a hand does not
     grip_s: float = 0.15
 
 
@@ -54,9 +56,12 @@ class Handle:
         mix, most, size = h / hand.smooth_s, h / hand.grip_s, 0.0
         self._grip += min(max(float(self.holds[n]) - self._grip, -most), most)
         stretch = [0.0] * d
+        off = [float(p) - a for p, a in zip(self.trace[n], self._drawn, strict=True)]
+        asked = mix * length(off)
+        share = hand.hand_m_per_s * h / asked if asked > hand.hand_m_per_s * h else 1.0
         for i in range(d):
             before = self._aim[i]
-            self._drawn[i] += mix * (float(self.trace[n, i]) - self._drawn[i])
+            self._drawn[i] += share * mix * off[i]
             self._aim[i] += mix * (self._drawn[i] - self._aim[i])
             speed = (self._aim[i] - before) / h
             stretch[i] = hand.hand_n_per_m * (self._aim[i] - self._place[i]) + hand.hand_ns_per_m * (speed - self._speed[i])

@@ -245,7 +245,9 @@ def recordings(person: Person) -> Iterator[tuple[str, Recording]]:
                 name, unit = _CHANNELS[key]
                 channels[name] = Channel(_times(len(values), dt), values, unit, "task", axes)
         same = {
-            k: about[k] for k in ("participant", "task", "load_mass_kg", "load_share", "gravity_m_per_s2", "made_by") if k in about
+            k: about[k]
+            for k in ("participant", "task", "load_mass_kg", "load_share", "gravity_m_per_s2", "made_by")
+            if k in about
         }
         name = f"{Path(person.name).stem}-{trial['condition']}-{trial['trial']}"
         yield name, Recording(channels, {**same, **stated})

@@ -155,7 +155,7 @@ export class Teach {
   // A replay draws over the scene; touching the handle ends it.
   frame(now) {
     if (!this.replays) return;
-    const { lesson, from } = this.replays, n = lesson.from + Math.floor((now - from) / 1000 / lesson.take.dt), page = this.page;
+    const { lesson, from } = this.replays, n = lesson.from + Math.max(Math.floor((now - from) / 1000 / lesson.take.dt), 0), page = this.page;
     if (n >= lesson.to || page.session.phase === "runs") { this.replays = null; return; }
     const take = lesson.take, start = take.start, off = row => row.map((x, i) => x - start[i]);
     page.scene.draw({ robot: off(take.position[n]), person: off(take.end_position[n]), force: take.force[n], tilt: take.tilt[n][0], pullN: 0, mode: 0, now });
