@@ -25,7 +25,7 @@ from ..safety import limits as taught
 from ..safety.limits import Limits
 from ..signals.filters import lowpass_coefficients
 from ..skills import foresight, reference, whereabouts
-from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill
+from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill, tables_of
 from ..skills.roles import BIAS_S, GAINS, LATER, PULL_S, Doubts, RolePolicy, RoleSkill
 from ..tasks import Task
 
@@ -121,8 +121,7 @@ def _limits(skill: Any) -> list[Array]:
 
 def _paths(inner: Any) -> list[Array]:
     references, where = inner._pace.references, inner._where
-    about = np.array([(len(r.way), r.step_s, r.top_speed, r.slack_m, r.extent_m, r.begins_m) for r in references])
-    tables = [np.concatenate([getattr(r, name) for r in references]) for name in ("position", "velocity", "force", "way", "gain")]
+    *tables, about = tables_of(references)
     plans = [] if isinstance(inner, RoleSkill) else list(inner._foresight.shared()[:5])
     return [about, *tables, *plans, where.stations, where.firsts]
 
@@ -174,9 +173,10 @@ def constants(task: Task, *, dt: float) -> dict[str, Any]:
         "grid": foresight.GRID.ravel().tolist(),
         "prior": foresight.PRIOR.tolist(),
         "constants": {
-            **{name: getattr(reference, name) for name in ("AT_START", "LEAST_SPREAD_M", "INTERVENES_M_PER_S", "GAINS_PER_S")},
+            **{name: getattr(reference, name) for name in ("AT_START", "LEAST_SPREAD_M", "INTERVENES_M_PER_S", "GAINS_PER_S", "PLACE_M")},
+            "PLACE_SHARE": reference.PLACE,
             **{name: getattr(whereabouts, name) for name in ("STATIONS", "FINEST", "POSITION", "PACE", "SLOW_M_PER_S")},
-            **{name: getattr(taught, name) for name in ("SPEED_MARGIN", "WALL_MARGIN_M", "LED_N", "PULL_N")},
+            **{name: getattr(taught, name) for name in ("SPEED_MARGIN", "WALL_MARGIN_M", "LED_N", "LED_SHARE", "PULL_N")},
             "FLOOR": FLOOR, "LATER": LATER, "STRENGTHS": GAINS, "DOUBT_FORCE_N": doubts.force_n,
             "DOUBT_VELOCITY": doubts.velocity_m_per_s, "DOUBT_POSITION": doubts.position_share, "DOUBT_MEMORY_S": doubts.memory_s,
             "DOUBT_SWITCH_S": doubts.switch_s, "DOUBT_GATE": doubts.gate,

@@ -6,7 +6,7 @@
     X(moving) X(b0) X(b1) X(b2) X(a1) X(a2) X(gate) X(patience)
 typedef struct { HEADER(A_NUMBER) } Header;
 
-enum { BLOCK_VERSION = 1, MOST_GOALS = 64, MOST_FILTERS = 64, MOST_STATES = 512, MOST_STATIONS = 4096, MOST_PLANS = 4096, MOST_PULLS = 4096 };
+enum { BLOCK_VERSION = 1, MOST_GOALS = 64, MOST_FILTERS = 64, MOST_STATES = 512, MOST_STATIONS = 4096, MOST_PLANS = 4096, MOST_PULLS = 4096, OF_GOAL = 7 };
 enum { NO_BLOCK = 1, OTHER_VERSION, OTHER_AXES, OTHER_LENGTH, OTHER_SIZES, NO_MEMORY };
 
 typedef struct Robot {
@@ -65,12 +65,12 @@ static int fits(const Header *h) {
 /* Paths of all goals, and where along them it may be */
 static int lay_paths(Robot *b, Law *l, Reader *r, double **memory) {
     const int d = l->d, n = l->n_goals;
-    const double *about = taken(r, 6.0 * n);
+    const double *about = taken(r, OF_GOAL * (double)n);
     double rows = 0.0, at = 0.0;
     if (!about) return 0;
     for (int g = 0; g < n; g++) {
-        if (!whole_number(about[6 * g], 2, 1e6)) return 0;
-        rows += about[6 * g];
+        if (!whole_number(about[OF_GOAL * g], 2, 1e6)) return 0;
+        rows += about[OF_GOAL * g];
     }
     const double *path = taken(r, rows * d), *velocity = taken(r, rows * d), *force = taken(r, rows * d), *way = taken(r, rows);
     const double *gain = taken(r, rows), *plan = NULL, *plan_way = NULL, *heading = NULL, *grid = NULL;
@@ -81,11 +81,11 @@ static int lay_paths(Robot *b, Law *l, Reader *r, double **memory) {
         l->foresight.sizes = grid, l->foresight.paces = grid + l->foresight.plans, l->foresight.late = grid + 2 * l->foresight.plans;
     }
     if (!gain) return 0;
-    for (int g = 0; g < n; g++, about += 6) {
+    for (int g = 0; g < n; g++, about += OF_GOAL) {
         const size_t i = (size_t)at;
         b->tables[g] = (Table){
             .rows = (int)about[0], .step_s = about[1], .duration_s = about[1] * (about[0] - 1.0), .top_speed = about[2], .slack = about[3],
-            .extent = about[4], .begins = about[5], .path = path + i * d, .velocity = velocity + i * d, .force = force + i * d,
+            .place = about[4], .extent = about[5], .begins = about[6], .path = path + i * d, .velocity = velocity + i * d, .force = force + i * d,
             .way = way + i, .gain = gain + i,
         };
         if (plan) b->tables[g].plan = plan + 3 * i * d, b->tables[g].plan_way = plan_way + i, b->tables[g].heading = heading + g * d;
@@ -143,7 +143,7 @@ static int lay_robot(Robot *b, Reader *r, double *memory) {
     l->keep_shake = least(h->dt / 0.3, 1.0), l->pull_share = least(h->dt / h->pull_s, 1.0), l->bias_share = h->dt / h->bias_s;
     l->tables = b->tables;
     l->foresight = (Foresight){.plans = (int)h->plans, .alike = (int)h->alike, .keep = h->keep};
-    double *compliance = room(&memory, 4.0 * d + 4.0), *pace = room(&memory, 3.0 * d + CLOCKS), *skill = room(&memory, 7.0 * d + 7.0);
+    double *compliance = room(&memory, 4.0 * d + 4.0), *pace = room(&memory, 3.0 * d + CLOCKS), *skill = room(&memory, 8.0 * d + 7.0);
     lay_law(l, compliance, pace, skill);
     if (l->foresight.plans) lay_foresight(&l->foresight, d, room(&memory, 4.0 * d + TOLD + 2.0 * h->plans));
     *l->told = h->told;

@@ -35,6 +35,7 @@ class Reference {
     for (let n = 1; n < this.position.length; n++) this.way.push(this.way[n - 1] + norm(minus(this.position[n], this.position[n - 1])));
     this.length = this.way[this.way.length - 1];
     this.extent = most(this.position.map(row => norm(minus(row, this.position[0]))));
+    this.place = Math.max(c.PLACE_M, c.PLACE_SHARE * this.extent);
     this.topSpeed = most(this.velocity.map(norm));
     this.duration = this.step * (this.position.length - 1);
     this.gain = this.position.map(() => 1);
@@ -131,11 +132,21 @@ function taughtSpeed(skill) {
   return most(skill.model.means.map((row, k) => norm(at.map(n => Math.abs(row[n]))) + 2 * norm(at.map(n => Math.sqrt(skill.model.covariances[k][n][n])))));
 }
 
+// safety.limits.taught_pull
+function taughtPull(skill) {
+  let top = 0;
+  for (const path of skill.paths) {
+    const velocity = gradient(path.position_m, path.step_s);
+    velocity.forEach((v, n) => { const speed = norm(v); if (speed > 0.01) top = Math.max(top, inner(path.force_n[n], v) / Math.max(speed, 1e-9)); });
+  }
+  return top;
+}
+
 // safety.limits.as_taught under a law that yields: the block "limits", then the walls
 function limits(skills, p) {
   const c = p.constants, d = skills[0].axes.length, values = { ...p.limits };
   values.v_max_m_per_s = Math.min(c.SPEED_MARGIN * most(skills.map(taughtSpeed)), p.limits.v_max_m_per_s);
-  values.pushed_n = c.LED_N;
+  values.pushed_n = Math.max(c.LED_N, c.LED_SHARE * most(skills.map(taughtPull)));
   values.energy_j = Math.max(p.limits.energy_j, c.PULL_N * Math.max(0, most(skills.flatMap(s => s.paths.map(path => new Reference(path, c).length)))));
   const walls = Array.from({ length: d }, (_, n) => [Math.min(...skills.map(s => s.workspace_m[n][0])) - c.WALL_MARGIN_M, Math.max(...skills.map(s => s.workspace_m[n][1])) + c.WALL_MARGIN_M]);
   return [...p.limit_names.map(name => values[name]), ...walls.flat()];
@@ -203,7 +214,7 @@ export function prepared(skills, role, p) {
     ...p.header_names.map(name => Number(header[name])), ...packed(leading), ...packed(lead ? following : leading),
     ...(lead ? policy(paths, (role === "auto" ? skills.follower : one).onsets_s, p) : p.policy_names.map(() => 0)),
     ...limits(role === "auto" ? [skills.leader, ...Object.values(skills)] : [one], p), ...p.gravity,
-    ...paths.flatMap(r => [r.position.length, r.step, r.topSpeed, r.slack, r.extent, r.begins]), ...tables, ...paths.flatMap(r => r.way), ...paths.flatMap(r => r.gain), ...foresight, ...where.rows.flat(), ...where.firsts,
+    ...paths.flatMap(r => [r.position.length, r.step, r.topSpeed, r.slack, r.place, r.extent, r.begins]), ...tables, ...paths.flatMap(r => r.way), ...paths.flatMap(r => r.gain), ...foresight, ...where.rows.flat(), ...where.firsts,
     ...watch.values, ...(bank ? bank.values : []),
   ];
   if (!all.every(x => typeof x === "number" && !Number.isNaN(x))) throw new Error("it holds a value that is no number where one must be");
