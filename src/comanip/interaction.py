@@ -21,6 +21,7 @@ from .errors import ParameterError
 from .interfaces import STANDARD_GRAVITY, Array, Observation
 from .signals import sphere
 from .signals.filters import Lowpass
+from .signals.vectors import dot
 
 MOST_GAP_S = 0.05  # between two samples of a slow sensor
 # a low-pass is late by 0.225 / cutoff: at 15 Hz by 15 ms, and an arm of 1 kg or more on its grip then shakes at 6-8 Hz
@@ -186,8 +187,7 @@ def identify_payload(
     bias, the footnote's m = |mean F_s| / (s g0)); `mass_kg` gives the bias.
 
     holding, empty   (T, d) [N], hand at rest; gravity (d,) [m/s^2]
-    Raises ParameterError when two of the three are given, when no weight acts along the axes, or when the mass comes
-    out negative.
+    Raises ParameterError for two of the three, where no weight acts along the axes, or if the mass comes out negative.
     """
     known = [n for n, v in (("empty", empty), ("force_bias_n", force_bias_n), ("mass_kg", mass_kg)) if v is not None]
     if len(known) > 1:
@@ -397,11 +397,11 @@ class TaringInteractionForce:
         return True
 
     def _weighed(self) -> CausalInteractionForce:
-        g2 = sum(g * g for g in self._gravity)
+        g2 = dot(self._gravity, self._gravity)
         bias = [0.0] * len(self._gravity)
         if self._count >= 3 and g2 > 0.0:
             mean = [total / self._count for total in self._sum]
-            along = sum(f * g for f, g in zip(mean, self._gravity, strict=True)) / g2  # F_s = s m g at rest
+            along = dot(mean, self._gravity) / g2  # F_s = s m g at rest
             self.payload_kg = max(along / self._share, 0.0)
             bias = [f - self._share * self.payload_kg * g for f, g in zip(mean, self._gravity, strict=True)]
         force = CausalInteractionForce(

@@ -103,6 +103,13 @@ class Model(Part):
     runs: bool = False
 
 
+@dataclass(frozen=True)
+class Target(Part):
+    """What a skill is exported as: at(make, out) -> export.targets.Export; `suffix` of `out`, "" where it is a folder."""
+
+    suffix: str = ""
+
+
 class Format(NamedTuple):
     """One kind of file or folder.
 
@@ -169,6 +176,12 @@ MODELS: dict[str, Model] = {
     "hmm": Model("comanip.models.hmm:Hmm", ("initial", "transition", "means", "covariances"), runs=True),
     "hsmm": Model("comanip.models.hsmm:Hsmm", ("initial", "transition", "durations", "means", "covariances")),
     "gmm": Model("comanip.models.gmm:Gmm", ("weights", "means", "covariances")),
+}
+EXPORTS: dict[str, Target] = {
+    "c": Target("comanip.export.targets:to_c", ".c"),
+    "ctypes": Target("comanip.export.targets:to_ctypes", ".py"),
+    "ros2-control": Target("comanip.export.targets:to_ros2_control"),
+    "page": Target("comanip.page.export:write_page", ".html"),
 }
 # A file is read whole and takes several times its size meanwhile: the limits keep that near half a gigabyte.
 FORMATS: tuple[Format, ...] = (

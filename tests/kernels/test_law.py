@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from operator import attrgetter
 
 import numpy as np
@@ -80,6 +79,8 @@ def alike(one, other, where):
     """Whatever they remember, not only what they show."""
     for name in ("_memory", "_pace.memory", "_compliance.memory", "_watch.until", "_watch.seen", "_where.memory", "_where.goals"):
         np.testing.assert_array_equal(attrgetter(name)(one), attrgetter(name)(other), err_msg=f"{name}, tick {where}")
+    if foresight := getattr(one, "_foresight", None):
+        np.testing.assert_array_equal(foresight.memory, other._foresight.memory, err_msg=f"foresight, tick {where}")
     np.testing.assert_allclose(one._watch.weights, other._watch.weights, rtol=0.0, atol=1e-10)
     if heard := getattr(one, "evidence", None):
         for name in ("_p", "_until", "probabilities"):
@@ -112,6 +113,30 @@ def test_bit_by_bit(kind, d, seed, rough, dt):
         for name in ("position", "velocity", "acceleration"):
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=f"{name}, tick {n}")
         alike(one, other, n)
+
+
+@pytest.mark.parametrize(("seed", "d", "size", "pace"), [(3, 1, 1.0, 1.0), (4, 2, 0.8, 1.3), (5, 3, 1.2, 0.7), (6, 6, 1.0, 1.1)])
+def test_what_is_foreseen_is_foreseen_alike(seed, d, size, pace):
+    """A partner who goes along the path, farther and slower or not, rests at its end, turns back half way the second time."""
+    one, other = pair("follower", seed, d)
+    obs, a, b = Observation(d), Command(d), Command(d)
+    path = one.reference
+    start = path.position[0]
+    obs.position[:], obs.force[:] = start, 0.0
+    one.reset(obs), other.reset(obs)
+    awake = 0
+    for n in range(700):
+        s = min(max(0.01 * (n % 350) - 0.6, 0.0), 2.0) * pace
+        s = s if n < 350 or s < 0.5 else max(1.0 - s, 0.0)
+        obs.position[:] = start + size * (path.at(path.position, s) - start)
+        pull = size * pace * path.at(path.velocity, s)
+        obs.force[:] = 1.5 * pull / max(np.linalg.norm(pull), 0.2)
+        one.step(obs, a), other.step(obs, b)
+        one._compliance.velocity[:] = other._compliance.velocity[:] = pull  # a hand that goes along
+        np.testing.assert_array_equal(a.velocity, b.velocity, err_msg=f"tick {n}")
+        alike(one, other, n)
+        awake += one._foresight.awake
+    assert awake > 30
 
 
 @pytest.mark.parametrize(
@@ -160,9 +185,8 @@ def test_long_nonsense_is_nonsense_for_both(deaf):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_ordinary_ticks_are_compiled(kind):
-    """Else all above would compare Python with itself. A motion that is foreseen is for the twin."""
+    """Else all above would compare Python with itself."""
     one, _ = pair(kind, 1, 1)
-    one.law = replace(one.law, foresight=0.0) if kind == "follower" else getattr(one, "law", None)
     obs, command = Observation(1), Command(1)
     obs.position[:] = obs.force[:] = 0.0
     one.reset(obs)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from cyclopts import App, CycloptsError, Group, Parameter
 
 from .. import __version__, parts
+from . import on_the_page
 from .flags import BackendFlags, DataFlags, LearnedLaw, LearnFlags
 
 app = App(
@@ -37,8 +38,10 @@ Out = Annotated[Path, Parameter(name=["--out", "-o"])]
 if TYPE_CHECKING:
     PlantName: TypeAlias = str
     DeviceName: TypeAlias = str
+    ExportTarget: TypeAlias = str
 else:  # what there is, from the tables
     PlantName, DeviceName = Literal[tuple(parts.PLANTS)], Literal[tuple(parts.DEVICES)]
+    ExportTarget = Literal[tuple(parts.EXPORTS)]
 Plant = Annotated[PlantName, Parameter(help="beam: exact and fast; humanoid: in physics, needs mujoco.")]
 
 
@@ -257,6 +260,37 @@ def run(
 
 
 @app.command
+def export(
+    skill: Annotated[list[Path], Parameter(consume_multiple=True)],
+    /,
+    *,
+    to: Annotated[ExportTarget, Parameter(help="c, ctypes, ros2-control: source without Python; page: HTML to lift on.")] = "c",
+    role: Annotated[
+        Literal["leader", "follower", "auto"] | None,
+        Parameter(help="auto: the robot is told nothing; give skills of both roles."),
+    ] = None,
+    law: LearnedLaw | None = None,
+    dt: Annotated[float, Parameter(help="Control period [s] at which it will be called.")] = 0.01,
+    goal: Annotated[int | None, Parameter(help="Its number, where the lessons had several.")] = None,
+    mass_kg: Annotated[float, Parameter(help="Of the object, where the start does not weigh it.")] = 2.0,
+    load_share: Annotated[float, Parameter(help="Share of it that this hand carries.")] = 0.5,
+    tare_s: Annotated[float, Parameter(help="How long the resting object is weighed at the start.")] = 0.25,
+    force_delay_ms: Annotated[float, Parameter(help="By how much the force sensor comes later than the velocity.")] = 0.0,
+    gravity: Annotated[
+        str | None, Parameter(help="One number an axis [m/s^2], e.g. 0,0,-9.81; default: down the axis named z.")
+    ] = None,
+    task: Annotated[str | None, Parameter(help="page: what is carried (comanip tasks), or your own .toml; default lift.")] = None,
+    out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="Default: the skill's name, here.")] = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
+) -> None:
+    """Write a skill, its envelope and its force estimate as source without Python: comanip export skill.json --to c -o skill.c"""
+    from . import exporting as command
+
+    command.export(skill, to, out, role, law, dt, goal, mass_kg, load_share, tare_s, force_delay_ms, gravity, overwrite, json)
+
+
+@app.command
 def fake_robot(
     *,
     robot: Annotated[str, Parameter(help="The preset or robot.toml whose wire it speaks.")] = "fake",
@@ -396,6 +430,10 @@ def tasks(
     from . import tasks as command
 
     command.tasks(names, plot, json)
+
+
+app.command(on_the_page.page)
+app.command(on_the_page.study)
 
 
 @app.command

@@ -17,7 +17,8 @@ _OURS = {
     ".svg": (b"<dc:title>comanip</dc:title>",),
     ".pdf": (b"/Creator (comanip)",),
     ".html": (b'name="generator" content="comanip"',),
-    ".md": (b"<!-- comanip board -->",),
+    **{suffix: (b"ade by comanip",) for suffix in (".c", ".h", ".py", ".cpp", ".hpp", ".xml", ".txt", ".yaml")},  # exports
+    ".md": (b"<!-- comanip board -->", b"<!-- made by comanip"),
 }
 _NEAR_BYTES = 2048
 

@@ -9,10 +9,11 @@
     X(stuck_m, stuck_m) X(moving, moving_m_per_s) X(position_jump, position_jump_m) X(drift, drift_m) X(blocked_n, blocked_n) \
     X(blocked_s, blocked_s) X(alone_n, alone_n) X(alone_s, alone_s) X(steady_n_s, steady_n_s) X(stands, stands_m_per_s) \
     X(sink_m, sink_m) X(pushed_n, pushed_n) X(pushed_j, pushed_j) X(let_go_n, let_go_n) X(let_go_s, let_go_s) X(held_n, held_n) \
-    X(let_go_speed, let_go_m_per_s) X(tare_n, tare_n) X(jump_n, jump_n) X(jump_rest_s, jump_rest_s) X(dt, _dt) X(late, _late)
+    X(let_go_speed, let_go_m_per_s) X(tare_n, tare_n) X(jump_n, jump_n) X(jump_rest_s, jump_rest_s) \
+    X(jump_stays_s, jump_stays_s) X(comply_damping, comply_damping_ns_per_m) X(fade_s, fade_s) X(rest, rest_m_per_s) \
+    X(pull_n, pull_n) X(impact_s, impact_s) X(impact_n, impact_n) X(load_n, load_n) X(feel_s, feel_s) X(passed_s, passed_s) \
+    X(offer_s, offer_s) X(offer_n, offer_n) X(shake_n, shake_n) X(dt, _dt) X(late, _late) X(stale, _stale)
 typedef struct { LIMITS(ONE_NUMBER) } Limits;
-
-typedef double Axes[MOST_AXES];
 
 #define SCALARS(X) \
     X(period, _period) X(time, _time) X(stamp, _stamp) X(age, _age) X(elapsed, _elapsed) X(impact_s, _impact_s) \
@@ -36,7 +37,7 @@ typedef struct { /* SCALARS, how many rows there are in the two memories of LetG
 } Ledger;
 
 typedef struct {
-    int d, most_pulls, most_before;
+    int d, most_pulls, most_before, swing; /* samples of one swing of the object */
     Limits limits;
     Rules rules;
     Axes low, high;
@@ -48,7 +49,6 @@ typedef struct {
 /* as in safety/detectors.py and safety/envelope.py */
 #define WEIGHED_TICKS 25
 #define STILL_S 0.15 /* most_before, less one, and SLOW_SWING_S is most_pulls */
-#define SWING_S 0.1
 #define QUIET_S 0.5
 #define LIGHT_N 0.5
 #define HANGS_N 4.0
@@ -74,24 +74,18 @@ typedef struct {
 
 static const double LACKS[2] = {0.02, 0.12}, TURNS[2] = {0.15, 0.3};
 
-static double apart(const double *a, const double *b, int d) {
-    double total = 0.0;
-    for (int i = 0; i < d; i++) total += (a[i] - b[i]) * (a[i] - b[i]);
-    return sqrt(total);
-}
+static inline double load_of(const Ledger *l, int d) { return l->weighed >= WEIGHED_TICKS ? length(l->weight, d) : 0.0; }
 
-static double load_of(const Ledger *l, int d) { return l->weighed >= WEIGHED_TICKS ? length(l->weight, d) : 0.0; }
-
-static void remember(double *rows, double *n, int most_rows, int d, const double *row) {
-    if (*n == most_rows) memmove(rows, rows + d, sizeof(double) * d * (most_rows - 1));
+static inline void remember(double *rows, double *n, int most_rows, int d, const double *row) {
+    if (*n == most_rows) copy(rows, rows + d, d * (most_rows - 1)); /* forwards, so they may overlap */
     else *n += 1.0;
-    memcpy(rows + ((int)*n - 1) * d, row, sizeof(double) * d);
+    copy(rows + ((int)*n - 1) * d, row, d);
 }
 
 /* Envelope._clock */
-static int timely(const Envelope *e, Ledger *l, double t) {
+static inline int timely(const Envelope *e, Ledger *l, double t) {
     const double step = t - l->stamp, period = most(t - l->time, 0.0);
-    if (!isfinite(t) || step < SAME_SAMPLE * e->limits.dt || period > e->limits.late + 1e-9) return 0;
+    if (!is_finite(t) || step < SAME_SAMPLE * e->limits.dt || period > e->limits.late + 1e-9) return 0;
     l->elapsed = step;
     l->time = most(t, l->time);
     l->stamp = t;
@@ -102,7 +96,7 @@ static int timely(const Envelope *e, Ledger *l, double t) {
 }
 
 /* Envelope._sense, but for what it watches */
-static int plausible(const Envelope *e, Ledger *l, const double *x, const double *f, const double *velocity) {
+static inline int plausible(const Envelope *e, Ledger *l, const double *x, const double *f, const double *velocity) {
     const Limits *limits = &e->limits;
     double speed = 0.0;
     for (int i = 0; i < e->d; i++) {
@@ -111,13 +105,13 @@ static int plausible(const Envelope *e, Ledger *l, const double *x, const double
     }
     if (apart(x, l->at, e->d) > limits->position_jump + 2.0 * limits->v_max * l->elapsed) return 0;
     if (length(f, e->d) > limits->force_limit || sqrt(speed) > 10.0 * limits->v_max) return 0;
-    memcpy(l->at, x, sizeof(double) * e->d);
-    memcpy(l->force, f, sizeof(double) * e->d);
+    copy(l->at, x, e->d);
+    copy(l->force, f, e->d);
     return 1;
 }
 
 /* Stuck.step of Envelope._readings */
-static int lives(const Envelope *e, Ledger *l, const double *sensed, double speed) {
+static inline int lives(const Envelope *e, Ledger *l, const double *sensed, double speed) {
     int stuck = 0;
     for (int i = 0; i < e->d; i++) {
         if (sensed[i] == sensed[i]) l->senses[i] = 1.0;
@@ -133,7 +127,7 @@ static int lives(const Envelope *e, Ledger *l, const double *sensed, double spee
             continue;
         }
         l->same_s[i] = l->same_m[i] = 0.0;
-        if (isfinite(change)) {
+        if (is_finite(change)) {
             l->changes[i] += 1.0;
             l->smallest[i] = least(l->smallest[i], change);
             l->usual[i] += (change - l->usual[i]) / least(l->changes[i], 100.0);
@@ -143,16 +137,16 @@ static int lives(const Envelope *e, Ledger *l, const double *sensed, double spee
 }
 
 /* Jump.step, while none is pending */
-static int steady_zero(const Envelope *e, Ledger *l, const double *sensed, int at_rest) {
+static inline int steady_zero(const Envelope *e, Ledger *l, const double *sensed, int at_rest) {
     if (!all_finite(sensed, e->d)) return 1;
     if (!all_finite(l->sensed, e->d)) {
-        memcpy(l->sensed, sensed, sizeof(double) * e->d);
+        copy(l->sensed, sensed, e->d);
         return 1;
     }
     const double still = l->still_s, change = apart(sensed, l->sensed, e->d);
     l->still_s = at_rest ? l->still_s + l->period : 0.0;
     if (change == 0.0) return 1;
-    memcpy(l->sensed, sensed, sizeof(double) * e->d);
+    copy(l->sensed, sensed, e->d);
     l->heard_s = least(l->heard_s + l->period, most(QUIET_S, l->period));
     if (still > e->limits.jump_rest_s && change > e->limits.jump_n + 6.0 * l->jump_usual) return 0;
     const double share = l->period > 0.0 ? l->period / l->heard_s : 0.0;
@@ -161,7 +155,7 @@ static int steady_zero(const Envelope *e, Ledger *l, const double *sensed, int a
 }
 
 /* Envelope._book */
-static int follows(const Envelope *e, Ledger *l) {
+static inline int follows(const Envelope *e, Ledger *l) {
     Axes way;
     for (int i = 0; i < e->d; i++) way[i] = l->v[i] * l->period, l->x[i] += way[i];
     l->energy = least(e->limits.energy, most(0.0, l->energy + dot(l->force, way, e->d)));
@@ -169,10 +163,9 @@ static int follows(const Envelope *e, Ledger *l) {
 }
 
 /* LetGo.step with `pull` as its newest; `mean` is that of the last ones when there are enough, and then `measured`. */
-static int partner_holds(const Envelope *e, Ledger *l, double speed, const double *pull, double *mean, int *measured) {
+static inline int partner_holds(const Envelope *e, Ledger *l, double speed, const double *pull, double *mean, int *measured) {
     const Limits *limits = &e->limits;
-    const int swing = (int)most(nearbyint(SWING_S / limits->dt), 1.0);
-    const int d = e->d, n = (int)l->n_pulls, full = n == e->most_pulls;
+    const int swing = e->swing, d = e->d, n = (int)l->n_pulls, full = n == e->most_pulls;
     const double load = load_of(l, d);
     Axes slow;
     int alone = 0;
@@ -196,7 +189,7 @@ static int partner_holds(const Envelope *e, Ledger *l, double speed, const doubl
 }
 
 /* Sinking.step and Envelope._sink */
-static int carried(const Envelope *e, Ledger *l, const double *taught) {
+static inline int carried(const Envelope *e, Ledger *l, const double *taught) {
     const int d = e->d;
     const double load = load_of(l, d), period = l->period;
     if (load > LIGHT_N) {
@@ -216,7 +209,7 @@ static int carried(const Envelope *e, Ledger *l, const double *taught) {
 }
 
 /* Pushed.step */
-static int led(const Envelope *e, Ledger *l, double speed) {
+static inline int led(const Envelope *e, Ledger *l, double speed) {
     const double along = speed > 0.0 ? dot(l->force, l->v, e->d) / speed : 0.0;
     l->push_peak = most(along, l->push_peak - l->period / PEAK_S * l->push_peak);
     const double beyond = along > YIELDS * l->push_peak ? along - e->limits.pushed_n : -e->limits.pushed_n;
@@ -225,7 +218,7 @@ static int led(const Envelope *e, Ledger *l, double speed) {
 }
 
 /* Envelope._press, _miss and what is left of _look */
-static int unremarkable(const Envelope *e, Ledger *l, double speed) {
+static inline int unremarkable(const Envelope *e, Ledger *l, double speed) {
     const Limits *limits = &e->limits;
     const int d = e->d;
     const double size = length(l->force, d), period = l->period, share = 1.0 - exp(-2.0 * PI * period);
@@ -246,7 +239,7 @@ static int unremarkable(const Envelope *e, Ledger *l, double speed) {
 }
 
 /* All that comes before the skill. */
-static int sense(Envelope *e, double t, const double *x, const double *f, const double *velocity, const double *raw,
+static inline int sense(Envelope *e, double t, const double *x, const double *f, const double *velocity, const double *raw,
                  const double *taught) {
     const int d = e->d;
     Ledger next = *e->now;
@@ -267,13 +260,13 @@ static int sense(Envelope *e, double t, const double *x, const double *f, const 
     return 1;
 }
 
-static double cap(const Limits *limits, double room) {
+static inline double cap(const Limits *limits, double room) {
     const double a = limits->a_max;
     return room > 0.0 ? most(0.0, sqrt(2.0 * a * room) - 0.5 * a * limits->late) : 0.0;
 }
 
 /* Envelope._fastest */
-static double fastest(const Envelope *e, const Ledger *l, const double *velocity) {
+static inline double fastest(const Envelope *e, const Ledger *l, const double *velocity) {
     const double speed = length(velocity, e->d);
     double room = l->energy / e->limits.force_limit;
     for (int i = 0; i < e->d; i++) {
@@ -285,11 +278,11 @@ static double fastest(const Envelope *e, const Ledger *l, const double *velocity
 }
 
 /* Envelope._clip of what is `asked`; 0 where it has to brake. */
-static int clipped(const Envelope *e, const Ledger *l, const double *asked, double *v) {
+static inline int clipped(const Envelope *e, const Ledger *l, const double *asked, double *v) {
     const Limits *limits = &e->limits;
     const int d = e->d;
     const double load = load_of(l, d);
-    memcpy(v, asked, sizeof(double) * d);
+    copy(v, asked, d);
     if (l->again_s < AGAIN_S && load > LIGHT_N) { /* Envelope._unsunk */
         const double may = most(sqrt(2.0 * SINK_M_S2 * most(limits->sink_m - l->sunk, 0.0)), CREEP_M_S) + l->led;
         const double beyond = dot(asked, l->weight, d) / load - may;
@@ -310,7 +303,7 @@ static int clipped(const Envelope *e, const Ledger *l, const double *asked, doub
 
 /* All that comes after it: Envelope._clip, the checker's judgement, Envelope._write. `wish` and `out` are position, velocity,
  * acceleration. */
-static int act(Envelope *e, const double *const wish[3], double *const out[3]) {
+static inline int act(Envelope *e, const double *const wish[3], double *const out[3]) {
     const Limits *limits = &e->limits;
     const int d = e->d;
     Ledger *l = e->now;

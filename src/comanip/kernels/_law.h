@@ -17,8 +17,10 @@ typedef struct { LAW(ONE_NUMBER) } Numbers; /* CollaborativeLaw */
 #define POLICY(X) \
     X(insist_n, insist_n) X(insist_ns_per_m, insist_ns_per_m) X(ahead_n, ahead_n) X(insist_s, insist_s) \
     X(held_m_per_s, held_m_per_s) X(resting_n, resting_n) X(resting_m_per_s, resting_m_per_s) \
-    X(start_patience_s, start_patience_s) X(midway_patience_s, midway_patience_s) X(finished_m, finished_m) X(held_s, held_s)
-typedef struct { POLICY(ONE_NUMBER) } Policy; /* of RolePolicy */
+    X(start_patience_s, start_patience_s) X(midway_patience_s, midway_patience_s) X(finished_m, finished_m) X(held_s, held_s) \
+    X(probe_n, probe_n) X(probe_m, probe_m) X(probe_s, probe_s) X(progress_m, progress_m) X(offers_at_start, offers_at_start) \
+    X(blend_s, blend_s)
+typedef struct { POLICY(ONE_NUMBER) } Policy; /* RolePolicy */
 
 typedef struct { /* RoleEvidence */
     int n, strengths; /* filters, and how many of them are one role */
@@ -30,12 +32,6 @@ typedef struct { /* RoleEvidence */
 
 enum { BANK_DT, BANK_CHANGE, BANK_MEMORY, BANK_GATE };
 
-typedef struct { /* PhaseReference: one goal's path, (rows, d) each; way, gain (rows) */
-    int rows;
-    double step_s, duration_s, top_speed, slack, place;
-    const double *path, *velocity, *force, *way, *gain;
-} Table;
-
 typedef struct { /* Whereabouts: `stations` rows of 3 d + 5 numbers; goal g has those from first[g] to first[g + 1] */
     int stations, width;
     const double *rows, *first;
@@ -45,12 +41,14 @@ typedef struct { /* Whereabouts: `stations` rows of 3 d + 5 numbers; goal g has 
 
 typedef struct {
     int d, n_goals;
+    int heard; /* numbers that the filter of Watch takes; 0: there is none */
     double dt, model_dt, pull_share, bias_share, keep_shake;
     Numbers law, following;
     Policy policy;
     Bank bank;
-    Table *tables;
+    const Table *tables;
     Where where;
+    Foresight foresight;
     double *compliance, *slow, *slower, *gripping, *shake, *went_on, *turn, *turned; /* Compliance.memory */
     double *expected, *wanted, *offset, *clock;   /* Pace.memory */
     double *shown_expected, *velocity, *position, *start, *reference, *pull, *bias, *taught, *shown_clock, *rest_s, *moved, *against_s,
@@ -60,92 +58,39 @@ typedef struct {
     const Level *level;
 } Law;
 
+/* Compliance.memory, Pace.memory and the memory of the skill, as collaborate.memory says */
+static inline void lay_law(Law *l, double *compliance, double *pace, double *skill) {
+    const int d = l->d;
+    double **const paces[] = {&l->expected, &l->wanted, &l->offset, &l->clock};
+    double **const skills[] = {
+        &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->taught, &l->shown_clock,
+    };
+    l->compliance = compliance, l->slow = compliance + d, l->slower = l->slow + d, l->gripping = l->slower + d;
+    l->shake = l->gripping + d, l->went_on = l->shake + 1, l->turn = l->went_on + 1, l->turned = l->turn + 1;
+    for (int i = 0; i < 4; i++) *paces[i] = pace + i * d;
+    for (int i = 0; i < 9; i++) *skills[i] = skill + i * d;
+    l->rest_s = l->shown_clock + 2, l->moved = l->rest_s + 1, l->against_s = l->moved + 1, l->held_s = l->against_s + 1;
+    l->told = l->held_s + 1;
+}
+
+/* Whereabouts.memory */
+static inline void lay_where(Where *w, int d, double *memory) {
+    w->p = memory, w->offset = w->p + w->stations, w->until = w->offset + d, w->goal = w->until + 1, w->phase = w->goal + 1;
+}
+
 enum { PHASE, RATE, RESISTANCE, WAITS, FADED, FADING, LED, EASING, GOAL, GOING, CLOCKS }; /* Pace.clock */
 enum { AT_PHASE, SPACING, DOUBT, BREADTH, LOG_BREADTH, STATION };                 /* Whereabouts.stations, after 3 d vectors */
-#define ABSURD 1e6 /* no robot is so far away, so fast or so strong, in any unit */
 #define WHERE_PERIOD 0.02
 #define WHERE_MEMORY 0.2
 #define WHERE_GATE 10.0
 #define ASTRAY 1e-6
 #define WHERE_SLIPS 0.1
 #define LATEST 1.8
-#define PLACES 200 /* of skills/reference.py */
 #define MOST_FORESEEN 3.0
 #define AS_SLOW 4.0
 
-static double least(double a, double b) { return b < a ? b : a; }
-static double most(double a, double b) { return b > a ? b : a; }
-static double within(double x, double low, double high) { return least(most(x, low), high); }
-
-static double dot(const double *a, const double *b, int d) {
-    double sum = 0.0;
-    for (int i = 0; i < d; i++) sum += a[i] * b[i];
-    return sum;
-}
-
-static double length(const double *a, int d) { return sqrt(dot(a, a, d)); }
-
-static int all_finite(const double *a, int d) {
-    for (int i = 0; i < d; i++)
-        if (!isfinite(a[i])) return 0;
-    return 1;
-}
-
-
-/* PhaseReference.floats_at */
-static void row_at(const Table *t, const double *table, int d, double phase, double *out) {
-    const double place = within(phase / t->step_s, 0.0, (double)(t->rows - 1));
-    const int n = (int)place < t->rows - 2 ? (int)place : t->rows - 2;
-    const double share = place - n;
-    for (int i = 0; i < d; i++) out[i] = (1.0 - share) * table[n * d + i] + share * table[(n + 1) * d + i];
-}
-
-/* PhaseReference.that_way */
-static void that_way(const Table *t, int d, const double *x, const double *velocity, double *taught) {
-    const int every = 1 + t->rows / PLACES;
-    const double speed = length(velocity, d);
-    double fastest = 0.0;
-    for (int n = 0; n < t->rows && !(speed < 1e-6); n += every) {
-        double far = 0.0, along = 0.0;
-        for (int i = 0; i < d; i++) {
-            const double off = t->path[n * d + i] - x[i];
-            far += off * off;
-            along += t->velocity[n * d + i] * velocity[i];
-        }
-        if (far < t->place * t->place) fastest = most(fastest, along);
-    }
-    const double share = speed < 1e-6 ? 0.0 : fastest / (speed * speed);
-    for (int i = 0; i < d; i++) taught[i] = velocity[i] * share;
-}
-
-/* PhaseReference.remaining_m */
-static double remaining(const Table *t, double phase) {
-    double gone;
-    row_at(t, t->way, 1, phase, &gone);
-    return t->way[t->rows - 1] - gone;
-}
-
-/* PhaseReference.closest, within 0.15 s */
-static double closest(const Table *t, int d, const double *position, double near) {
-    int low = (int)most((near - 0.15) / t->step_s, 0.0);
-    int high = (int)least((near + 0.15) / t->step_s, (double)t->rows) + 2;
-    if (high > t->rows) high = t->rows;
-    if (low > high - 1) low = high - 1;
-    int best = low;
-    double smallest = INFINITY;
-    for (int n = low; n < high; n++) {
-        double apart = 0.0;
-        for (int i = 0; i < d; i++) {
-            const double off = t->path[n * d + i] - position[i];
-            apart += off * off;
-        }
-        if (apart < smallest) smallest = apart, best = n;
-    }
-    return best * t->step_s;
-}
-
 /* Whereabouts._moved and _sample */
-static void sample(const Law *l, const double *x, const double *v) {
+static inline void sample(const Law *l, const double *x, const double *v) {
     const Where *w = &l->where;
     const int d = l->d, n = w->stations;
     const double fresh = ASTRAY / n, worth = WHERE_PERIOD / WHERE_MEMORY, speed = length(v, d);
@@ -188,8 +133,21 @@ static void sample(const Law *l, const double *x, const double *v) {
     for (int m = 0; m < n; m++) w->p[m] = w->moved[m] / total;
 }
 
+/* Whereabouts._tell */
+static inline void tell(const Where *w, int n_goals) {
+    int goal = (int)*w->goal;
+    for (int g = 0; g < n_goals; g++) {
+        double total = 0.0;
+        for (int m = (int)w->first[g]; m < (int)w->first[g + 1]; m++) total += w->p[m];
+        w->goals[g] = total;
+    }
+    for (int g = 0; g < n_goals; g++)
+        if (w->goals[g] > w->goals[goal] + 0.1) goal = g;
+    *w->goal = goal;
+}
+
 /* Whereabouts.step, of finite numbers */
-static void locate(Law *l, const double *position, const double *velocity) {
+static inline void locate(Law *l, const double *position, const double *velocity) {
     Where *w = &l->where;
     const int d = l->d;
     double x[MOST_AXES], v[MOST_AXES];
@@ -200,33 +158,26 @@ static void locate(Law *l, const double *position, const double *velocity) {
         *w->until += WHERE_PERIOD;
         sample(l, x, v);
     }
-    int goal = (int)*w->goal;
-    for (int g = 0; g < l->n_goals; g++) {
-        double total = 0.0;
-        for (int m = (int)w->first[g]; m < (int)w->first[g + 1]; m++) total += w->p[m];
-        w->goals[g] = total;
-    }
-    for (int g = 0; g < l->n_goals; g++)
-        if (w->goals[g] > w->goals[goal] + 0.1) goal = g;
-    *w->goal = goal;
+    tell(w, l->n_goals);
+    const int goal = (int)*w->goal;
     int best = (int)w->first[goal];
     for (int m = best + 1; m < (int)w->first[goal + 1]; m++)
         if (w->p[m] > w->p[best]) best = m;
-    *w->phase = closest(l->tables + goal, d, x, w->rows[best * w->width + 3 * d + AT_PHASE]);
+    *w->phase = closest(l->tables + goal, d, x, w->rows[best * w->width + 3 * d + AT_PHASE], 0.15);
 }
 
 /* collaborate._left, _leaving */
-static double left_of(double u) { return 1.0 - u * u * u * (10.0 + u * (-15.0 + 6.0 * u)); }
-static double leaving(double u) { return -(u * u * (30.0 + u * (-60.0 + 30.0 * u))); }
+static inline double left_of(double u) { return 1.0 - u * u * u * (10.0 + u * (-15.0 + 6.0 * u)); }
+static inline double leaving(double u) { return -(u * u * (30.0 + u * (-60.0 + 30.0 * u))); }
 
 /* Pace._in_time */
-static double in_time(const Table *t, double s, double gone, double led_s) {
+static inline double in_time(const Table *t, double s, double gone, double led_s) {
     const double left = t->duration_s - s, left_s = LATEST * (left + gone) - led_s;
     return left_s > left ? least(left / left_s, 1.0) : 1.0;
 }
 
 /* Pace.step */
-static void pace(Law *l, const double *x, const double *force) {
+static inline void pace(Law *l, const double *x, const double *force) {
     const Numbers *law = &l->law;
     const int d = l->d;
     double *c = l->clock;
@@ -268,7 +219,7 @@ static void pace(Law *l, const double *x, const double *force) {
 }
 
 /* foresight.anticipated */
-static void anticipated(const Law *l, const Numbers *law, const double *force, double *foreseen) {
+static inline void anticipated(const Law *l, const Numbers *law, const double *force, double *foreseen) {
     const int d = l->d;
     const Table *t = l->tables + (int)*l->where.goal;
     const double s = *l->where.phase, speed = length(l->compliance, d);
@@ -288,36 +239,53 @@ static void anticipated(const Law *l, const Numbers *law, const double *force, d
     for (int i = 0; i < d; i++) foreseen[i] = agreement * foreseen[i];
 }
 
+/* CollaborativeSkill._as_foreseen */
+static inline void as_foreseen(const Law *l, const double *force, double *foreseen) {
+    const Foresight *f = &l->foresight;
+    const double along = dot(force, f->velocity, l->d) / most(length(f->velocity, l->d), 1e-3);
+    const double share = l->law.foresight * f->told[SURE] * within((along + 2.0) / 1.5, 0.0, 1.0);
+    const double damped = l->law.moving_damping / l->law.mass;
+    for (int i = 0; i < l->d; i++) foreseen[i] = share * (f->acceleration[i] + damped * f->velocity[i]);
+}
+
 /* CollaborativeSkill._anticipate */
-static void anticipate(Law *l, const double *x, const double *force, double *foreseen) {
+static inline void anticipate(Law *l, const double *x, const double *force, double *foreseen) {
+    const int d = l->d;
     locate(l, x, l->compliance);
     const double before = l->shown_clock[PHASE];
     l->shown_clock[RATE] = (*l->where.phase - before) / l->dt;
     l->shown_clock[PHASE] = *l->where.phase;
-    that_way(l->tables + (int)*l->where.goal, l->d, x, l->compliance, l->taught);
+    that_way(l->tables + (int)*l->where.goal, d, x, l->compliance, l->taught);
+    if (l->foresight.plans && l->foresight.told[AWAKE] != 0.0) {
+        foresee(&l->foresight, l->tables, d, l->dt, x, l->compliance);
+        if (l->foresight.told[AWAKE] != 0.0) {
+            as_foreseen(l, force, foreseen);
+            return;
+        }
+    }
     anticipated(l, &l->law, force, foreseen);
 }
 
 /* collaborate._beyond */
-static void beyond(const double *values, double *slow, double keep, int d, double *fast) {
+static inline void beyond(const double *values, double *slow, double keep, int d, double *fast) {
     for (int i = 0; i < d; i++) {
         slow[i] += keep * (values[i] - slow[i]);
         fast[i] = values[i] - slow[i];
     }
 }
 
-/* collaborate.untaught */
-static double untaught(const double *velocity, const double *taught, int d) {
+/* compliance.untaught */
+static inline double untaught(const double *velocity, const double *taught, int d) {
     return most(1.0 - AS_SLOW * length(taught, d) / most(length(velocity, d), 1e-6), 0.0);
 }
 
 /* Compliance.step; `moving` is the larger of the compliance's speed and the reference's, or what `at_least_going` says */
-static void comply(Law *l, const Numbers *law, const double *excess, double moving, double untaught, const double *feedforward) {
+static inline void comply(Law *l, const Numbers *law, const double *excess, double moving, double astray, const double *feedforward) {
     const int d = l->d;
     const double keep_slow = 1.0 - exp(-2.0 * PI * law->shake_hz * l->dt), keep_grip = 1.0 - exp(-2.0 * PI * law->grip_hz * l->dt);
     const double rest = 1.0 - least(moving / law->moving_speed, 1.0);
     double damping = law->moving_damping + rest * rest * (law->resting_damping - law->moving_damping);
-    damping += untaught * law->untaught_damping;
+    damping += astray * law->untaught_damping;
     double quick[MOST_AXES], fast[MOST_AXES], faster[MOST_AXES];
     beyond(excess, l->slow, keep_slow, d, quick);
     beyond(quick, l->slower, keep_slow, d, fast);
@@ -335,7 +303,7 @@ static void comply(Law *l, const Numbers *law, const double *excess, double movi
 }
 
 /* command_velocity; `out` is position, velocity, acceleration. */
-static void send(Law *l, const Numbers *law, const double *x, const double *reference, double *const out[3]) {
+static inline void send(Law *l, const Numbers *law, const double *x, const double *reference, double *const out[3]) {
     const double limit = law->max_acceleration * l->dt, lead = law->lead_s / l->dt;
     double changes[MOST_AXES];
     for (int i = 0; i < l->d; i++) changes[i] = reference[i] + l->compliance[i] - l->velocity[i];
@@ -349,61 +317,70 @@ static void send(Law *l, const Numbers *law, const double *x, const double *refe
     }
 }
 
-/* Watch.step, at most one step of the filter; 0 where the filter leaves it to its twin. */
-static int watch(Law *l, const double *x, const double *force) {
-    const int due = *l->until <= 1e-9;
-    if (due) {
-        if (*l->until + l->model_dt <= 1e-9) return 0;
-        memcpy(l->seen, x, sizeof(double) * l->d);
-        if (l->filter->D > l->d) memcpy(l->seen + l->d, force, sizeof(double) * l->d);
-        if (!l->level->tick(l->filter, l->seen)) return 0;
+/* Watch.step; 0 where the filter leaves a step to its twin, who then goes on from there: what was heard is not heard again. */
+static inline int watch(Law *l, const double *x, const double *force) {
+    if (!l->heard) return 1;
+    while (*l->until <= 1e-9) {
+        copy(l->seen, x, l->d);
+        if (l->heard > l->d) copy(l->seen + l->d, force, l->d);
+        if (!TICK(l, l->filter, l->seen)) return 0;
+        *l->until += l->model_dt;
     }
-    *l->until = (due ? *l->until + l->model_dt : *l->until) - l->dt;
+    *l->until -= l->dt;
     return 1;
 }
 
-/* CollaborativeSkill.step */
-static int follow(Law *l, const double *x, const double *force, double *const out[3], int anticipates) {
+/* CollaborativeSkill._foresees */
+static inline void hear_motion(Law *l, const double *x, const double *force) {
+    const int goal = (int)*l->where.goal;
+    hears(&l->foresight, l->tables + goal, l->d, l->dt, goal, *l->where.phase, x, l->compliance, force);
+}
+
+/* CollaborativeSkill.step of a follower, or of who only complies; of a sample from which something is missing nothing is heard */
+static inline int follow(Law *l, const double *x, const double *force, double *const out[3], int anticipates, int hears_it) {
     const double nothing[MOST_AXES] = {0};
-    double foreseen[MOST_AXES] = {0}, excess[MOST_AXES];
+    double foreseen[MOST_AXES] = {0}, excess[MOST_AXES], departs = 0.0;
     if (!watch(l, x, force)) return 0;
-    memcpy(l->position, x, sizeof(double) * l->d);
+    if (anticipates && hears_it && l->foresight.plans && l->law.foresight > 0.0) hear_motion(l, x, force);
+    copy(l->position, x, l->d);
     if (anticipates) anticipate(l, x, force, foreseen);
+    if (l->foresight.plans) departs = l->foresight.told[DEPARTS] * l->law.moving_speed;
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->shown_expected[i];
-    comply(l, &l->law, excess, length(l->compliance, l->d), anticipates ? untaught(l->compliance, l->taught, l->d) : 0.0, foreseen);
+    const double astray = anticipates ? untaught(l->compliance, l->taught, l->d) : 0.0;
+    comply(l, &l->law, excess, most(length(l->compliance, l->d), departs), astray, foreseen);
     send(l, &l->law, x, nothing, out);
     return 1;
 }
 
 /* How fast the hand of a leader goes, or its reference by itself */
-static double at_least_going(const Law *l) {
+static inline double at_least_going(const Law *l) {
     double both[MOST_AXES];
     for (int i = 0; i < l->d; i++) both[i] = l->compliance[i] + l->wanted[i];
     return most(length(both, l->d), l->clock[GOING]);
 }
 
 /* CollaborativeSkill._lead, and what follows it */
-static void lead_there(Law *l, const double *x, const double *force, double *const out[3]) {
+static inline void lead_there(Law *l, const double *x, const double *force, double *const out[3]) {
     const double nothing[MOST_AXES] = {0};
     double excess[MOST_AXES];
-    memcpy(l->position, x, sizeof(double) * l->d);
+    copy(l->position, x, l->d);
     pace(l, x, force);
-    memcpy(l->shown_clock, l->clock, sizeof(double) * 2);
-    memcpy(l->shown_expected, l->expected, sizeof(double) * l->d);
-    memcpy(l->taught, l->wanted, sizeof(double) * l->d);
+    copy(l->shown_clock, l->clock, 2);
+    copy(l->shown_expected, l->expected, l->d);
+    copy(l->taught, l->wanted, l->d);
     for (int i = 0; i < l->d; i++) excess[i] = force[i] - l->expected[i];
     comply(l, &l->law, excess, at_least_going(l), 0.0, nothing);
     send(l, &l->law, x, l->wanted, out);
 }
 
-static int lead(Law *l, const double *x, const double *force, double *const out[3]) {
+static inline int lead(Law *l, const double *x, const double *force, double *const out[3]) {
     if (!watch(l, x, force)) return 0;
     lead_there(l, x, force, out);
     return 1;
 }
 
 /* RoleEvidence.step. Its filters, with a floor under every transition, leave nothing that is finite to their twins. */
-static void hear(Law *l, const double *x, const double *felt) {
+static inline void hear(Law *l, const double *x, const double *felt) {
     Bank *b = &l->bank;
     const int d = l->d;
     const double change = b->numbers[BANK_CHANGE];
@@ -419,7 +396,7 @@ static void hear(Law *l, const double *x, const double *felt) {
         *b->until += b->numbers[BANK_DT];
         double best = b->said[b->n] = neither, total = 0.0;
         for (int i = 0; i < b->n; i++) {
-            l->level->tick(b->filters[i], b->seen);
+            TICK(l, b->filters[i], b->seen);
             best = most(best, b->said[i] = b->filters[i]->state[LAST_LOG_LIKELIHOOD]);
         }
         for (int i = 0; i <= b->n; i++) {
@@ -437,7 +414,7 @@ static void hear(Law *l, const double *x, const double *felt) {
 }
 
 /* Watch and RoleEvidence; 0, with neither done, for what must count as missing. */
-static int attend(Law *l, const double *x, const double *felt) {
+static inline int attend(Law *l, const double *x, const double *felt) {
     for (int i = 0; i < l->d && l->bank.n; i++)
         if (!(fabs(x[i]) < ABSURD && fabs(felt[i] - l->bias[i]) < ABSURD)) return 0;
     if (!watch(l, x, felt)) return 0;
@@ -446,7 +423,7 @@ static int attend(Law *l, const double *x, const double *felt) {
 }
 
 /* RoleSkill.step while it leads and means it; the tick at which it gives way, `_give_way_if_he_insists`, is left to it. */
-static int lead_on(Law *l, const double *x, const double *felt, double *const out[3]) {
+static inline int lead_on(Law *l, const double *x, const double *felt, double *const out[3]) {
     const Policy *than = &l->policy;
     const int d = l->d;
     double force[MOST_AXES], pull[MOST_AXES];
@@ -463,19 +440,19 @@ static int lead_on(Law *l, const double *x, const double *felt, double *const ou
     if (against_s >= than->insist_s || held_s >= than->held_s || !attend(l, x, felt)) return 0;
     lead_there(l, x, force, out);
     *l->against_s = against_s, *l->held_s = held_s;
-    memcpy(l->pull, pull, sizeof(double) * d);
-    memcpy(l->reference, l->wanted, sizeof(double) * d);
+    copy(l->pull, pull, d);
+    copy(l->reference, l->wanted, d);
     return 1;
 }
 
 /* RoleSkill._unfinished, not */
-static int finished(const Law *l) {
+static inline int finished(const Law *l) {
     const Table *t = l->tables + (int)(*l->told >= 0.0 ? *l->told : *l->where.goal);
     return !(remaining(t, *l->where.phase) - t->slack > l->policy.finished_m);
 }
 
 /* RoleSkill.step while it follows, and it is too early to ask whether anybody leads. */
-static int follow_on(Law *l, const double *x, const double *felt, double *const out[3]) {
+static inline int follow_on(Law *l, const double *x, const double *felt, double *const out[3]) {
     const Policy *policy = &l->policy;
     const double nothing[MOST_AXES] = {0};
     const int d = l->d;
@@ -494,8 +471,8 @@ static int follow_on(Law *l, const double *x, const double *felt, double *const 
     locate(l, x, l->velocity);
     l->shown_clock[PHASE] = *l->where.phase;
     that_way(l->tables + (int)*l->where.goal, d, x, l->velocity, l->taught);
-    memcpy(l->position, x, sizeof(double) * d);
-    memcpy(l->pull, pull, sizeof(double) * d);
+    copy(l->position, x, d);
+    copy(l->pull, pull, d);
     *l->rest_s = rest_s, *l->moved = moved;
     double foreseen[MOST_AXES];
     anticipated(l, &l->following, force, foreseen);

@@ -935,8 +935,6 @@ static PyObject *lines_mean(PyObject *object, PyObject *const *args, Py_ssize_t 
 
 /* ---------------------------------------------------------------------------------------------- laws and envelope */
 
-#define MOST_AXES 6
-#define PI 3.14159265358979323846
 
 /* An array that comes again at every tick, taken once. Its exporter must be the array itself, as numpy's is, or another object might
  * one day sit at the same address. */
@@ -960,7 +958,11 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
 #pragma GCC push_options
 #pragma GCC optimize("fp-contract=off")
 #endif
+#define TICK(law, filter, xi) (law)->level->tick(filter, xi)
 #include "_layout.h"
+#include "_vectors.h"
+#include "_path.h"
+#include "_foresight.h"
 #include "_law.h"
 #include "_checker.h"
 #include "_envelope.h"
@@ -970,11 +972,12 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
 #pragma GCC pop_options
 #endif
 
-enum { POSITION, FORCE, COMMAND, LAW_SLOTS = COMMAND + 3 };
+enum { POSITION, FORCE, COMMAND, LAW_SLOTS = COMMAND + 3, OF_GOAL = 7 };
 
 typedef struct {
     PyObject_HEAD
     Law law;
+    Table *tables; /* law.tables */
     Arrays arrays;
     PyObject *filter, *bank;
     Array slots[LAW_SLOTS];
@@ -1019,35 +1022,67 @@ static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch)
     return 0;
 }
 
-/* Rows of each goal's skills.reference.PhaseReference one after the other, and (rows, step_s, top_speed, slack_m, place_m) of each goal */
+/* Rows of each goal's skills.reference.PhaseReference one after the other, and (rows, step_s, top_speed, slack_m, place_m,
+ * extent_m, begins_m) of each goal */
 static int take_tables(Laws *self, PyObject *path, PyObject *velocity, PyObject *force, PyObject *way, PyObject *gain,
                        PyObject *goals) {
     Law *l = &self->law;
-    const Py_ssize_t rows = count_of(way), n = count_of(goals) / 5;
+    const Py_ssize_t rows = count_of(way), n = count_of(goals) / OF_GOAL;
     if (PyErr_Occurred()) return -1;
 #define TAKE(object, count) take(&self->arrays, object, 0, count, 8, #object)
     const double *x = TAKE(path, rows * l->d), *v = TAKE(velocity, rows * l->d), *f = TAKE(force, rows * l->d), *w = TAKE(way, rows);
     const double *k = TAKE(gain, rows);
-    const double *of_goal = TAKE(goals, n * 5);
+    const double *of_goal = TAKE(goals, n * OF_GOAL);
 #undef TAKE
     if (PyErr_Occurred()) return -1;
     l->n_goals = (int)n;
-    l->tables = calloc(n > 0 ? n : 1, sizeof *l->tables);
-    if (!l->tables) {
+    l->tables = self->tables = calloc(n > 0 ? n : 1, sizeof *self->tables);
+    if (!self->tables) {
         PyErr_NoMemory();
         return -1;
     }
     Py_ssize_t at = 0;
-    for (Py_ssize_t g = 0; g < n; g++, of_goal += 5) {
+    for (Py_ssize_t g = 0; g < n; g++, of_goal += OF_GOAL) {
         const int some = (int)of_goal[0];
         if (some < 2 || some > rows - at) break;
-        l->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3], of_goal[4],
-                               x + at * l->d, v + at * l->d, f + at * l->d, w + at, k + at};
+        self->tables[g] = (Table){some, of_goal[1], of_goal[1] * (double)(some - 1), of_goal[2], of_goal[3], of_goal[4], of_goal[5], of_goal[6],
+                              
+                               x + at * l->d, v + at * l->d, f + at * l->d, w + at, k + at, NULL, NULL, NULL};
         at += some;
     }
     if (n > 0 && at == rows) return 0;
     PyErr_SetString(PyExc_ValueError, "a law has a path of 2 rows or more to each goal");
     return -1;
+}
+
+/* (tables, ways, headings, grid, prior, memory) of skills.foresight.Foresight; the plans of each size lie together */
+static int take_foresight(Laws *self, PyObject *foresight) {
+    PyObject *tables, *ways, *headings, *grid, *prior, *memory;
+    Law *l = &self->law;
+    Foresight *f = &l->foresight;
+    int d = l->d, alike;
+    if (!PyArg_ParseTuple(foresight, "OOOOOOid", &tables, &ways, &headings, &grid, &prior, &memory, &alike, &f->keep)) return -1;
+    const Py_ssize_t plans = count_of(prior), rows = count_of(ways);
+    if (PyErr_Occurred()) return -1;
+#define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
+    const double *plan = TAKE(tables, 0, rows * 3 * d), *way = TAKE(ways, 0, rows), *heading = TAKE(headings, 0, l->n_goals * d);
+    f->sizes = TAKE(grid, 0, 3 * plans), f->prior = TAKE(prior, 0, plans);
+    double *own = TAKE(memory, 1, 4 * d + TOLD + 2 * plans);
+#undef TAKE
+    if (PyErr_Occurred()) return -1;
+    Py_ssize_t at = 0;
+    for (int g = 0; g < l->n_goals; at += l->tables[g++].rows) {
+        if (at + l->tables[g].rows > rows) break;
+        self->tables[g].plan = plan + at * 3 * d, self->tables[g].plan_way = way + at, self->tables[g].heading = heading + g * d;
+    }
+    if (at != rows || plans < 1 || alike < 1) {
+        PyErr_SetString(PyExc_ValueError, "the plans of all goals, one after the other");
+        return -1;
+    }
+    f->paces = f->sizes + plans, f->late = f->paces + plans;
+    f->alike = alike, f->plans = (int)plans;
+    lay_foresight(f, d, own);
+    return 0;
 }
 
 /* stations, firsts, memory and goals of skills.whereabouts.Whereabouts */
@@ -1068,7 +1103,7 @@ static int take_where(Laws *self, PyObject *stations, PyObject *firsts, PyObject
         return -1;
     }
     w->stations = (int)n;
-    w->p = kept_there, w->offset = w->p + n, w->until = w->offset + l->d, w->goal = w->until + 1, w->phase = w->goal + 1;
+    lay_where(w, l->d, kept_there);
     w->moved = malloc(2 * n * sizeof *w->moved);
     if (!w->moved) {
         PyErr_NoMemory();
@@ -1080,13 +1115,13 @@ static int take_where(Laws *self, PyObject *stations, PyObject *firsts, PyObject
 
 static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
     PyObject *filter, *numbers, *following, *policy, *compliance, *pace_memory, *memory, *until, *seen, *bank;
-    PyObject *path, *velocity, *force, *way, *gain, *goal_rows, *stations, *firsts, *where, *goals;
+    PyObject *path, *velocity, *force, *way, *gain, *goal_rows, *stations, *firsts, *where, *goals, *foresight;
     double dt, model_dt, pull_s, bias_s;
     int d;
     (void)keywords;
-    if (!PyArg_ParseTuple(args, "O!OOO(OOOOOO)OOOOO(OOOO)iddddO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
+    if (!PyArg_ParseTuple(args, "O!OOO(OOOOOO)OOOOO(OOOO)iddddOO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
                           &force, &way, &gain, &goal_rows, &compliance, &pace_memory, &memory, &until, &seen, &stations, &firsts, &where, &goals, &d, &dt, &model_dt, &pull_s, &bias_s,
-                          &bank))
+                          &bank, &foresight))
         return NULL;
     const int D = ((Filter *)filter)->tick.D;
     if (d < 1 || d > MOST_AXES || (D != d && D != 2 * d))
@@ -1104,7 +1139,7 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     l->seen = TAKE(seen, 1, D);
 #undef TAKE
     if (PyErr_Occurred() || take_tables(self, path, velocity, force, way, gain, goal_rows) < 0 || take_where(self, stations, firsts, where, goals) < 0 ||
-        (bank != Py_None && take_bank(self, bank, 3 * d, (Filter *)filter) < 0)) {
+        (foresight != Py_None && take_foresight(self, foresight) < 0) || (bank != Py_None && take_bank(self, bank, 3 * d, (Filter *)filter) < 0)) {
         Py_DecRef((PyObject *)self);
         return NULL;
     }
@@ -1114,16 +1149,8 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     l->keep_shake = least(dt / 0.3, 1.0);
     l->pull_share = least(dt / pull_s, 1.0);
     l->bias_share = dt / bias_s;
-    l->compliance = of_compliance, l->slow = of_compliance + d, l->slower = l->slow + d, l->gripping = l->slower + d;
-    l->shake = l->gripping + d, l->went_on = l->shake + 1, l->turn = l->went_on + 1, l->turned = l->turn + 1;
-    double **const paces[] = {&l->expected, &l->wanted, &l->offset, &l->clock};
-    double **const skills[] = {
-        &l->shown_expected, &l->velocity, &l->position, &l->start, &l->reference, &l->pull, &l->bias, &l->taught, &l->shown_clock,
-    };
-    for (int i = 0; i < 4; i++) *paces[i] = of_pace + i * d;
-    for (int i = 0; i < 9; i++) *skills[i] = of_skill + i * d;
-    l->rest_s = l->shown_clock + 2, l->moved = l->rest_s + 1, l->against_s = l->moved + 1, l->held_s = l->against_s + 1;
-    l->told = l->held_s + 1;
+    lay_law(l, of_compliance, of_pace, of_skill);
+    l->heard = D;
     self->filter = Py_NewRef(filter);
     l->filter = &((Filter *)filter)->tick;
     l->level = ((Filter *)filter)->level;
@@ -1137,7 +1164,7 @@ static void law_dealloc(PyObject *object) {
     release(&self->arrays);
     free(self->law.bank.filters);
     free(self->law.bank.seen);
-    free(self->law.tables);
+    free(self->tables);
     free(self->law.where.moved);
     Py_XDECREF(self->filter);
     Py_XDECREF(self->bank);
@@ -1164,8 +1191,8 @@ static int law_takes(Laws *self, PyObject *const *args, Py_ssize_t n, const doub
         double *out[3];                                                                 \
         return PyBool_FromLong(law_takes((Laws *)object, args, n, &x, &force, out) && call); \
     }
-LAW_METHOD(comply, follow(l, x, force, out, 0))
-LAW_METHOD(follow, follow(l, x, force, out, 1))
+LAW_METHOD(comply, follow(l, x, force, out, 0, 0))
+LAW_METHOD(follow, follow(l, x, force, out, 1, 1))
 LAW_METHOD(lead, lead(l, x, force, out))
 LAW_METHOD(lead_on, lead_on(l, x, force, out))
 LAW_METHOD(follow_on, follow_on(l, x, force, out))
@@ -1181,14 +1208,14 @@ typedef struct {
 
 static PyObject *envelope_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
     PyObject *limits, *rules, *walls, *memory, *tank;
-    int d, most_pulls, most_before;
+    int d, most_pulls, most_before, swing;
     (void)keywords;
-    if (!PyArg_ParseTuple(args, "OOOOOiii", &limits, &rules, &walls, &memory, &tank, &d, &most_pulls, &most_before)) return NULL;
-    if (d < 1 || d > MOST_AXES || most_pulls < 1 || most_before < 1) return PyErr_Format(PyExc_ValueError, "1 to %d axes", MOST_AXES);
+    if (!PyArg_ParseTuple(args, "OOOOOiiii", &limits, &rules, &walls, &memory, &tank, &d, &most_pulls, &most_before, &swing)) return NULL;
+    if (d < 1 || d > MOST_AXES || most_pulls < 1 || most_before < 1 || swing < 1) return PyErr_Format(PyExc_ValueError, "1 to %d axes", MOST_AXES);
     Envelopes *self = (Envelopes *)PyType_GenericAlloc(type, 0);
     if (!self) return NULL;
     Envelope *e = &self->envelope;
-    *e = (Envelope){.d = d, .most_pulls = most_pulls, .most_before = most_before};
+    *e = (Envelope){.d = d, .most_pulls = most_pulls, .most_before = most_before, .swing = swing};
 #define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
     const double *numbers = TAKE(limits, 0, sizeof(Limits) / 8), *checked = TAKE(rules, 0, 3 + 2 * d), *bounds = TAKE(walls, 0, 2 * d);
     e->now = TAKE(memory, 1, sizeof(Ledger) / 8 + (most_pulls + most_before) * d);

@@ -37,13 +37,15 @@ BLOCKS: dict[str, tuple[str, ...]] = {
     ),  # fields of skills.collaborate.CollaborativeLaw
     "policy": (
         "insist_n", "insist_ns_per_m", "ahead_n", "insist_s", "held_m_per_s", "resting_n", "resting_m_per_s",
-        "start_patience_s", "midway_patience_s", "finished_m", "held_s",
-    ),  # of skills.roles.RolePolicy
+        "start_patience_s", "midway_patience_s", "finished_m", "held_s", "probe_n", "probe_m", "probe_s", "progress_m",
+        "offers_at_start", "blend_s",
+    ),  # fields of skills.roles.RolePolicy
     "limits": (
         "v_max_m_per_s", "a_max_m_per_s2", "force_limit_n", "energy_j", "stuck_s", "stuck_m", "moving_m_per_s",
         "position_jump_m", "drift_m", "blocked_n", "blocked_s", "alone_n", "alone_s", "steady_n_s", "stands_m_per_s",
         "sink_m", "pushed_n", "pushed_j", "let_go_n", "let_go_s", "held_n", "let_go_m_per_s", "tare_n", "jump_n",
-        "jump_rest_s", "_dt", "_late",
+        "jump_rest_s", "jump_stays_s", "comply_damping_ns_per_m", "fade_s", "rest_m_per_s", "pull_n", "impact_s", "impact_n",
+        "load_n", "feel_s", "passed_s", "offer_s", "offer_n", "shake_n", "_dt", "_late", "_stale",
     ),  # of safety.limits.Limits, and of the envelope
     "scalars": (
         "_period", "_time", "_stamp", "_age", "_elapsed", "_impact_s", "_blocked_ns", "_alone_s", "_rest_s", "_energy",

@@ -13,7 +13,7 @@ import numpy as np
 from .. import kernels
 from ..kernels import layouts
 
-LIMITS, SCALARS, VECTORS = layouts.BLOCKS["limits"][:-2], layouts.BLOCKS["scalars"], layouts.BLOCKS["vectors"]
+LIMITS, SCALARS, VECTORS = layouts.BLOCKS["limits"][:-3], layouts.BLOCKS["scalars"], layouts.BLOCKS["vectors"]
 LENT = {name.split(".")[0] for name in (*SCALARS, *VECTORS)}
 MOST_AXES = 6
 
@@ -29,10 +29,10 @@ class Ordinary:
         self._scalars, self._counts = self._memory[: n - 2], self._memory[n - 2 : n]
         self._vectors = self._memory[n : n + rows * MOST_AXES].reshape(rows, MOST_AXES)[:, : self._d]
         self._pulls, self._before = np.split(self._memory[n + rows * MOST_AXES :].reshape(-1, self._d), self._most[:1])
-        numbers = np.array([*attrgetter(*LIMITS)(limits), envelope._dt, envelope._late], dtype=float)
+        numbers = np.array([*attrgetter(*LIMITS)(limits), envelope._dt, envelope._late, envelope._stale], dtype=float)
         rules = np.array([checker.v_max, checker.a_max, checker.dt, *np.ravel(checker.walls)])
         compiled = kernels.native.Envelope(
-            numbers, rules, np.array(envelope._walls), self._memory, envelope._tank, self._d, *self._most
+            numbers, rules, np.array(envelope._walls), self._memory, envelope._tank, self._d, *self._most, envelope._let_go._swing
         )
         self.sense, self.act = compiled.sense, compiled.act
         self._lent: dict[str, Any] = {}

@@ -118,7 +118,7 @@ class Pace(Copied):
         """At `position` (d,); in `waits_s` [s] it goes on from `phase` [s] of the reference to `goal`; from rest it eases in."""
         reference = self.references[goal]
         offset = position - reference.at(reference.position, phase)
-        off = float(np.linalg.norm(offset))
+        off = length(offset.tolist())
         fading_s = max(FADES_S, 1.875 * off / (FADES_BELOW * max(reference.top_speed, 1e-9))) if off > 0.0 else 0.0
         self.memory[:] = 0.0
         self._offset[:] = offset
@@ -273,7 +273,7 @@ class CollaborativeSkill(Copied):
         self._nothing, self._foreseen = np.zeros(d), np.zeros(d)
         self._nothing.setflags(write=False)
         self._compliance = Compliance(d, dt)
-        self._foresight = Foresight(dt, d)
+        self._foresight = Foresight(dt, d, self._pace.references)
         self._memory = memory(d)
         self._expected, self._velocity, self._position, *_, self.taught = self._memory[: 8 * d].reshape(8, d)
         self._phase, self._rate, *_ = self._memory[8 * d :].reshape(7, 1)
@@ -281,7 +281,9 @@ class CollaborativeSkill(Copied):
         self._link()
 
     def _link(self) -> None:
-        self._compiled = compiled(self._watch, self._pace, self._compliance, self._where, self._memory, self._dt)
+        self._compiled = compiled(
+            self._watch, self._pace, self._compliance, self._where, self._memory, self._dt, foresight=self._foresight
+        )
         self._tick: Callable[..., bool] | None = None
         self._choose()
 
@@ -335,25 +337,21 @@ class CollaborativeSkill(Copied):
         self._choose()
 
     def step(self, obs: Observation, command: Command) -> None:
-        foresees, tick = self._foresees(obs), self._tick
-        if (
-            foresees
-            or tick is None
-            or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration)
-        ):
+        tick = self._tick
+        if tick is None or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration):
             self._step(obs, command)
 
-    def _foresees(self, obs: Observation) -> bool:
-        """Whether the partner goes as foreseen."""
+    def _foresees(self, obs: Observation) -> None:
+        """Whether the partner goes as foreseen; what is missing says nothing of that."""
         if self.role != "follower" or self._complies_only or self.law.foresight <= 0.0:
-            return False
-        if not (_finite(obs.position) and _finite(obs.force)):
-            return self._foresight.awake
-        velocity, force = self._compliance.velocity.tolist(), obs.force.tolist()
-        return self._foresight.hears(obs.position.tolist(), velocity, force, self.reference, self._where.phase)
+            return
+        if _finite(obs.position) and _finite(obs.force):
+            velocity, force = self._compliance.velocity.tolist(), obs.force.tolist()
+            self._foresight.hears(obs.position.tolist(), velocity, force, self.reference, self._where.phase)
 
     def _step(self, obs: Observation, command: Command) -> None:
         """The tick to read; the compiled one leaves it what is missing."""
+        self._foresees(obs)
         x = obs.position if _finite(obs.position) else np.where(np.isfinite(obs.position), obs.position, self._position)
         # a missing force is taken as none: the compliance then only dies away
         force = obs.force if _finite(obs.force) else np.where(np.isfinite(obs.force), obs.force, 0.0)
@@ -399,10 +397,11 @@ class CollaborativeSkill(Copied):
     def _as_foreseen(self, force: Array, velocity: list[float], speed: float) -> Array:
         """Acceleration (d,) that takes the hand along with the plans: theirs, and what damping would take from their speed."""
         law, seen = self.law, self._foresight
-        along = dot(force.tolist(), seen.velocity) / max(length(seen.velocity), 1e-3)
+        plans, changes = seen.velocity.tolist(), seen.acceleration.tolist()
+        along = dot(force.tolist(), plans) / max(length(plans), 1e-3)
         share = law.foresight * seen.sure * min(max((along + 2.0) / 1.5, 0.0), 1.0)
         damped = law.moving_damping_ns_per_m / law.virtual_mass_kg
-        for i, (a, v) in enumerate(zip(seen.acceleration, seen.velocity, strict=True)):
+        for i, (a, v) in enumerate(zip(changes, plans, strict=True)):
             self._foreseen[i] = share * (a + damped * v)
         return self._foreseen
 
@@ -443,10 +442,11 @@ def compiled(
     dt: float,
     *,
     following: CollaborativeLaw | None = None,
-    policy: Sequence[float] = (0.0,) * 11,
+    policy: Sequence[float] = (0.0,) * len(layouts.BLOCKS["policy"]),
     pull_s: float = 1.0,
     bias_s: float = 1.0,
     bank: Any = None,
+    foresight: Foresight | None = None,
 ) -> Any:
     """The tick of a skill made of these parts, in C and over their arrays; None where nothing could be compiled.
 
@@ -455,19 +455,25 @@ def compiled(
     d = len(pace.expected)
     if watch.filter.compiled is None or d > 6 or len(watch.seen) not in (d, 2 * d):
         return None
-    tables = tuple(
-        np.concatenate([getattr(r, name) for r in pace.references]) for name in ("position", "velocity", "force", "way", "gain")
-    )
-    goals = np.array([(len(r.way), r.step_s, r.top_speed, r.slack_m, r.place_m) for r in pace.references])
 
     def by_name(law: CollaborativeLaw) -> Array:
         return layouts.packed("law", asdict(law))
 
     return kernels.native.Law(
         watch.filter.compiled, by_name(pace.law), by_name(following or pace.law), np.array(policy),
-        (*tables, goals), compliance.memory, pace.memory, memory, watch.until, watch.seen,
+        tables_of(pace.references), compliance.memory, pace.memory, memory, watch.until, watch.seen,
         (where.stations, where.firsts, where.memory, where.goals), d, dt, watch.model_dt, pull_s, bias_s, bank,
+        foresight and foresight.shared(),
     )  # fmt: skip
+
+
+def tables_of(references: Sequence[PhaseReference]) -> tuple[Array, ...]:
+    """Rows of all goals' position, velocity, force, way and gain, and of each goal what else kernels/_path.h knows of it."""
+    tables = tuple(
+        np.concatenate([getattr(r, name) for r in references]) for name in ("position", "velocity", "force", "way", "gain")
+    )
+    goals = [(len(r.way), r.step_s, r.top_speed, r.slack_m, r.place_m, r.extent_m, r.begins_m) for r in references]
+    return *tables, np.array(goals)
 
 
 def _finite(values: Array) -> bool:

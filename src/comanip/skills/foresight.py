@@ -14,16 +14,21 @@ known within some tenths of a second, and nothing is foreseen of such a motion u
 
 A motion begins where the hand is wanted farther along the path than this partner's rest wanders: who sways does not set out. All
 lasts as long as the hand moves; of a motion that begins elsewhere on the path nothing is foreseen. Numbers were chosen on the
-kinds of people for tuning. A tick takes some 60 us, in Python; the others stay compiled.
+kinds of people for tuning. What is remembered lies in `memory`, which kernels/_foresight.h shares: there the same tick is written
+once more, for speed. Sums are in the order of the plans in both.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Sequence
 from math import exp
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ..interfaces import Array
+from ..kernels.copies import Copied
 from ..signals.vectors import dot, length
 from .reference import PhaseReference
 
@@ -55,7 +60,49 @@ MOST_PACE = 1.5  # of the taught top speed: nothing faster is foreseen
 MOST_FORESEEN = 3.0  # [m/s^2] of acceleration that is anticipated from the path alone; quick strokes have 2
 
 
-class Foresight:
+STILL_S, TRIED, RESTLESSNESS, AWAKE, SURE, DEPARTS, NONE, WHICH = range(8)  # Foresight.memory, after four vectors
+GRID = np.stack([a.ravel() for a in np.meshgrid(SIZES, PACES, LATE_S, indexing="ij")]).copy()  # (3, plans): A, r, lateness
+
+
+class Plans(NamedTuple):
+    """What the plans along one path share.
+
+    table    (N, 3 d) position from its start, velocity and acceleration; at rest beyond its end
+    way      (N,) how far along `heading` (d,), where it sets out to [m]
+    """
+
+    reference: PhaseReference
+    table: Array
+    way: Array
+    heading: Array
+
+    @classmethod
+    def along(cls, reference: PhaseReference) -> Plans:
+        acceleration = np.gradient(reference.velocity, reference.step_s, axis=0)
+        table = np.concatenate([reference.position - reference.position[0], reference.velocity, acceleration], axis=1)
+        d, heading = reference.position.shape[1], reference.heading(0.0)
+        table[-1, d:] = 0.0
+        return cls(reference, table, np.maximum.accumulate(table[:, :d] @ heading), heading)
+
+    def begun(self, along_m: float) -> float:
+        """Phase [s] at which the path, gone as taught, is so far along."""
+        way, last = self.way.tolist(), len(self.way) - 1
+        if along_m >= way[-1]:
+            return self.reference.step_s * last
+        n = max(bisect_right(way, along_m) - 1, 0)
+        return self.reference.step_s * (n + max(along_m - way[n], 0.0) / (way[n + 1] - way[n]))
+
+
+def _prior() -> Array:
+    sizes, paces, _ = GRID
+    prior = np.exp(-0.5 * (np.log(sizes) / SIZE_SD) ** 2 - 0.5 * (np.log(paces) / PACE_SD) ** 2)
+    return np.asarray(prior / prior.sum())
+
+
+PRIOR = _prior()
+
+
+class Foresight(Copied):
     """What the partner means to do next along the path that was taught; see the module.
 
     velocity, acceleration   (d,) [m/s], [m/s^2] that the plans expect, mean over them; zero while nothing is foreseen
@@ -63,107 +110,141 @@ class Foresight:
     departs                  in [0, 1]: that it is one of them, and in its first part
     """
 
-    def __init__(self, dt: float, n_axes: int) -> None:
+    def __init__(self, dt: float, n_axes: int, references: Sequence[PhaseReference] = ()) -> None:
         self._dt, self._d = dt, n_axes
-        self.velocity, self.acceleration, self.departs = [0.0] * n_axes, [0.0] * n_axes, 0.0
         self._keep = exp(-dt / FELT_S)
-        self._reference: PhaseReference | None = None
+        self.plans = [Plans.along(reference) for reference in references]
+        n = GRID.shape[1]
+        self.memory = np.zeros(4 * n_axes + 8 + 2 * n)
+        self._start, self._felt, self.velocity, self.acceleration = self.memory[: 4 * n_axes].reshape(4, n_axes)
+        self._told, rest = self.memory[4 * n_axes : -2 * n], self.memory[-2 * n :]
+        self._phase, self._p = rest.reshape(2, n)
 
-    def reset(self, position: list[float], *, begins: bool = True) -> None:
+    def shared(self) -> tuple[Any, ...]:
+        """All of it, as kernels/_foresight.h takes it; of the paths that it was made for."""
+        tables, ways = (np.concatenate([getattr(one, name) for one in self.plans]) for name in ("table", "way"))
+        headings = np.array([one.heading for one in self.plans])
+        return tables, ways, headings, GRID, PRIOR, self.memory, len(PACES) * len(LATE_S), self._keep
+
+    @property
+    def awake(self) -> bool:
+        """Whether a motion is under way that one of the plans explains."""
+        return bool(self._told[AWAKE] != 0.0)
+
+    @property
+    def sure(self) -> float:
+        return float(self._told[SURE])
+
+    @property
+    def departs(self) -> float:
+        return float(self._told[DEPARTS])
+
+    def reset(self, position: Sequence[float], *, begins: bool = True) -> None:
         """Rests at `position` (d,); `begins`: where the path begins, too. Of motions from elsewhere nothing is foreseen."""
-        self._start, self._felt = list(position), [0.0] * self._d
-        self._still_s, self._tries, self._restless = 0.0, 0 if begins else TRIES, FIRST_M
-        self.awake, self.sure = False, 0.0
-        self._nothing()
+        self.memory[:] = 0.0
+        self._start[:] = position
+        self._told[TRIED], self._told[RESTLESSNESS] = 0 if begins else TRIES, FIRST_M
 
     def hears(self, x: list[float], v: list[float], force: list[float], reference: PhaseReference, phase_s: float) -> bool:
         """Whether a motion is under way that one of the plans explains; to be asked each tick, before `step`."""
-        keep = self._keep
-        self._felt = [keep * f + (1.0 - keep) * min(max(n, -50.0), 50.0) for f, n in zip(self._felt, force, strict=True)]
-        self._still_s = self._still_s + self._dt if length(v) < RESTS_M_PER_S else 0.0
+        keep, told = self._keep, self._told
+        for i, (f, n) in enumerate(zip(self._felt.tolist(), force, strict=True)):
+            self._felt[i] = keep * f + (1.0 - keep) * min(max(n, -50.0), 50.0)
+        told[STILL_S] = told[STILL_S] + self._dt if length(v) < RESTS_M_PER_S else 0.0
         if self.awake:
-            if self._still_s > RESTS_S:
+            if told[STILL_S] > RESTS_S:
                 self._give_up(TRIES)
-        elif self._tries < TRIES:
+        elif told[TRIED] < TRIES:
             self._wake(x, v, reference)
-        elif self._still_s > RESTS_S and phase_s <= AT_START * reference.duration_s:
-            self._start, self._tries, self._restless = list(x), 0, FIRST_M
+        elif told[STILL_S] > RESTS_S and phase_s <= AT_START * reference.duration_s:
+            self._start[:] = x
+            told[TRIED], told[RESTLESSNESS] = 0.0, FIRST_M
         return self.awake
 
     def _wake(self, x: list[float], v: list[float], reference: PhaseReference) -> None:
         """At the first tick at which the hand is wanted farther along the path than this partner's rest wanders."""
-        if self._reference is not reference:
-            self._learn(reference)
-        off = [p - s + f / STIFFNESS_N_PER_M for p, s, f in zip(x, self._start, self._felt, strict=True)]
-        along, size = dot(off, self._heading), length(off)
-        self._restless += self._dt / (RISES_S if size > self._restless else FADES_S) * (size - self._restless)
-        least = max(BEGINS_M * FARTHER**self._tries, min(RESTLESS * self._restless, MOST_BEGINS_M))
-        if along < least or dot(v, self._heading) <= 0.0 or along < ALONG * size:
+        told, which = self._told, self._which(reference)
+        plans = self.plans[which]
+        off = [p - s + f / STIFFNESS_N_PER_M for p, s, f in zip(x, self._start.tolist(), self._felt.tolist(), strict=True)]
+        heading = plans.heading.tolist()
+        along, size, restless = dot(off, heading), length(off), float(told[RESTLESSNESS])
+        restless += self._dt / (RISES_S if size > restless else FADES_S) * (size - restless)
+        told[RESTLESSNESS] = restless
+        least = max(BEGINS_M * FARTHER ** int(told[TRIED]), min(RESTLESS * restless, MOST_BEGINS_M))
+        if along < least or dot(v, heading) <= 0.0 or along < ALONG * size:
             return
-        begun = np.interp(along / self._sizes, self._way, reference.step_s * np.arange(len(self._way)))
-        self._phase = begun + self._paces * self._late  # when each of the plans would be there
-        self._p = self._prior.copy()
-        self._p_none, self.sure, self.awake = NONE_FIRST, 1.0 - NONE_FIRST, True
-        self.departs = self.sure
+        sizes, paces, late = GRID
+        begun = np.repeat([plans.begun(along / size) for size in SIZES.tolist()], len(sizes) // len(SIZES))
+        self._phase[:] = begun + paces * late  # when each of the plans would be there
+        self._p[:] = PRIOR
+        told[NONE], told[SURE], told[AWAKE], told[WHICH] = NONE_FIRST, 1.0 - NONE_FIRST, 1.0, which
+        told[DEPARTS] = told[SURE]
 
-    def _learn(self, reference: PhaseReference) -> None:
-        self._reference = reference
-        sizes, paces, late = (a.ravel() for a in np.meshgrid(SIZES, PACES, LATE_S, indexing="ij"))
-        self._sizes, self._paces, self._late = sizes, paces, late
-        prior = np.exp(-0.5 * (np.log(sizes) / SIZE_SD) ** 2 - 0.5 * (np.log(paces) / PACE_SD) ** 2)
-        self._prior = prior / prior.sum()
-        acceleration = np.gradient(reference.velocity, reference.step_s, axis=0)
-        # one table of position from the start, velocity and acceleration: (N, 3 d), at rest beyond its end
-        table = np.concatenate([reference.position - reference.position[0], reference.velocity, acceleration], axis=1)
-        table[-1, self._d :] = 0.0
-        self._table = table
-        self._heading = reference.heading(0.0).tolist()
-        self._way = np.maximum.accumulate(table[:, : self._d] @ np.array(self._heading))
+    def _which(self, reference: PhaseReference) -> int:
+        for n, plans in enumerate(self.plans):
+            if plans.reference is reference:
+                return n
+        self.plans.append(Plans.along(reference))
+        return len(self.plans) - 1
 
     def step(self, x: list[float], v: list[float]) -> None:
         """One tick of the plans, while awake."""
-        d, reference = self._d, self._reference
-        assert reference is not None
-        self._phase += self._paces * self._dt
-        place = np.clip(self._phase / reference.step_s, 0.0, len(self._table) - 1.001)
-        n = place.astype(int)
-        share = (place - n)[:, None]
-        rows = (1.0 - share) * self._table[n] + share * self._table[n + 1]
-        fast = self._sizes * self._paces
-        meant, speed, acceleration = self._sizes[:, None] * rows[:, :d], fast[:, None] * rows[:, d : 2 * d], rows[:, 2 * d :]
-        felt = self._felt
-        z = np.array([p - s + f / STIFFNESS_N_PER_M for p, s, f in zip(x, self._start, felt, strict=True)])
-        u = np.array([c + f / DAMPING_NS_PER_M for c, f in zip(v, felt, strict=True)])
-        doubt = PLACE_M + PLACE_SHARE * float(np.sqrt(z @ z))
-        slow = SPEED_M_PER_S + SPEED_SHARE * float(np.sqrt(u @ u))
-        off, slip = meant - z, speed - u
+        told, d, (sizes, paces, _) = self._told, self._d, GRID
+        reference, table, *_ = self.plans[int(told[WHICH])]
+        self._phase += paces * self._dt
+        rows = self._rows(table, reference.step_s)
+        fast = sizes * paces
+        meant, speed, acceleration = sizes[:, None] * rows[:, :d], fast[:, None] * rows[:, d : 2 * d], rows[:, 2 * d :]
+        felt = self._felt.tolist()
+        z = [p - s + f / STIFFNESS_N_PER_M for p, s, f in zip(x, self._start.tolist(), felt, strict=True)]
+        u = [c + f / DAMPING_NS_PER_M for c, f in zip(v, felt, strict=True)]
+        doubt = PLACE_M + PLACE_SHARE * length(z)
+        slow = SPEED_M_PER_S + SPEED_SHARE * length(u)
         worth = min(self._dt / MEMORY_S, 1.0)
-        far = (off * off).sum(axis=1) / (doubt * doubt) + (slip * slip).sum(axis=1) / (slow * slow)
-        self._p *= np.exp(-0.5 * worth * np.minimum(far, 200.0))
-        self._p_none = (self._p_none + self._dt / NONE_COMES_S) * exp(-0.5 * worth * 2.0 * NONE_SIGMAS**2)
-        total = float(self._p.sum())
-        self.sure = total / (total + self._p_none)
-        if self.sure < 1.0 - GIVEN_UP or total < 1e-290:
-            self._give_up(self._tries + 1)
+        far = _squares(meant - z) / (doubt * doubt) + _squares(speed - u) / (slow * slow)
+        self._p *= [exp(log_b) for log_b in (-0.5 * worth * np.minimum(far, 200.0)).tolist()]
+        none = (float(told[NONE]) + self._dt / NONE_COMES_S) * exp(-0.5 * worth * 2.0 * NONE_SIGMAS * NONE_SIGMAS)
+        total = _sum(self._p)
+        sure = total / (total + none)
+        if sure < 1.0 - GIVEN_UP or total < 1e-290:
+            self._give_up(int(told[TRIED]) + 1)
             return
-        scale = 1.0 / (total + self._p_none)
+        scale = 1.0 / (total + none)
         self._p *= scale
-        self._p_none *= scale
-        weights = self._p / self._p.sum()
-        reached = reference.duration_s * DEPARTED
-        self.departs = self.sure * float(weights @ (self._phase < reached))
-        if float(weights @ (self._phase >= reference.duration_s)) > GIVEN_UP:
+        told[NONE], told[SURE] = none * scale, sure
+        weights = self._p / _sum(self._p)
+        told[DEPARTS] = sure * _sum(weights * (self._phase < reference.duration_s * DEPARTED))
+        if _sum(weights * (self._phase >= reference.duration_s)) > GIVEN_UP:
             self._give_up(TRIES)
             return
-        self.velocity = (weights @ speed).tolist()
-        self.acceleration = ((weights * fast * self._paces) @ acceleration).tolist()
+        for i in range(d):
+            self.velocity[i] = _sum(weights * speed[:, i])
+            self.acceleration[i] = _sum(weights * fast * paces * acceleration[:, i])
+
+    def _rows(self, table: Array, step_s: float) -> Array:
+        """The table (plans, 3 d) where each of the plans is."""
+        place = np.clip(self._phase / step_s, 0.0, len(table) - 1.001)
+        n = place.astype(int)
+        share = (place - n)[:, None]
+        return np.asarray((1.0 - share) * table[n] + share * table[n + 1])
 
     def _give_up(self, tries: int) -> None:
-        self.awake, self._tries, self.sure = False, tries, 0.0
-        self._nothing()
+        told = self._told
+        told[AWAKE], told[TRIED], told[SURE], told[DEPARTS] = 0.0, tries, 0.0, 0.0
+        self.velocity[:] = self.acceleration[:] = 0.0
 
-    def _nothing(self) -> None:
-        self.velocity, self.acceleration, self.departs = [0.0] * self._d, [0.0] * self._d, 0.0
+
+def _sum(values: Array) -> float:
+    """In the order of the values: numpy's own sum takes them in pairs."""
+    return 0.0 + float(np.cumsum(values)[-1])
+
+
+def _squares(off: Array) -> Array:
+    """The squared length (N,) of each row."""
+    total = off[:, 0] * off[:, 0]
+    for n in range(1, off.shape[1]):
+        total += off[:, n] * off[:, n]
+    return np.asarray(total)
 
 
 def anticipated(

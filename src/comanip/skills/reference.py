@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from copy import copy
 
 import numpy as np
@@ -49,13 +50,13 @@ class PhaseReference:
         self.top_speed = float(np.linalg.norm(self.velocity, axis=1).max())
         self.spread = np.zeros(len(position)) if spread is None else spread
         self.gain = np.ones(len(position))
-        self.slack_m = (
-            0.0 if ends is None else max(0.0, float(((self.position[-1] - ends) @ self.heading(self.duration_s)).max()))
-        )
         self._last = len(position) - 1
         # the same tables as floats: of one or two axes Python's own arithmetic takes a fifth of numpy's time
         self._rows = {"position": self.position.tolist(), "velocity": self.velocity.tolist(), "force": self.force.tolist()}
         self._way, self._gain = self.way.tolist(), self.gain.tolist()
+        self.slack_m = (
+            0.0 if ends is None else max(0.0, float(((self.position[-1] - ends) @ self.heading(self.duration_s)).max()))
+        )
 
     @classmethod
     def taught(cls, path: TaughtPath) -> PhaseReference:
@@ -140,12 +141,16 @@ class PhaseReference:
         rows = self._rows[name]
         return [(1.0 - share) * a + share * b for a, b in zip(rows[n], rows[n + 1], strict=True)]
 
-    def remaining_m(self, phase_s: float) -> float:
-        """Length of the path from `phase_s` [s] to its end [m]."""
+    def gone_m(self, phase_s: float) -> float:
+        """Length of the path up to `phase_s` [s], [m]."""
         place = min(max(phase_s / self.step_s, 0.0), float(self._last))
         n = min(int(place), self._last - 1)
         share = place - n
-        return self.length_m - ((1.0 - share) * self._way[n] + share * self._way[n + 1])
+        return (1.0 - share) * self._way[n] + share * self._way[n + 1]
+
+    def remaining_m(self, phase_s: float) -> float:
+        """Length of the path from `phase_s` [s] to its end [m]."""
+        return self.length_m - self.gone_m(phase_s)
 
     def gain_at(self, phase_s: float) -> float:
         """`gain` between the table's points."""
@@ -157,21 +162,37 @@ class PhaseReference:
     def heading(self, phase_s: float, ahead_m: float | None = None) -> Array:
         """Direction (d,) of the path over the `ahead_m` after `phase_s` (default: a tenth of the extent); at its end its last."""
         ahead_m = 0.1 * self.extent_m if ahead_m is None else ahead_m
-        now = min(float(np.interp(phase_s, self._phases(), self.way)), self.length_m - ahead_m)
-        here, there = (np.array([np.interp(w, self.way, column) for column in self.position.T]) for w in (now, now + ahead_m))
-        return np.asarray((there - here) / max(float(np.linalg.norm(there - here)), 1e-300))
+        now = min(self.gone_m(phase_s), self.length_m - ahead_m)
+        way = [there - here for here, there in zip(self._along(now), self._along(now + ahead_m), strict=True)]
+        size = max(length(way), 1e-300)
+        return np.array([part / size for part in way])
+
+    def _along(self, way_m: float) -> list[float]:
+        """Where the path is (d,) after `way_m` [m] of it; held outside."""
+        rows, way = self._rows["position"], self._way
+        if way_m >= way[-1]:
+            return rows[-1]
+        if way_m <= way[0]:
+            return rows[0]
+        n = bisect_right(way, way_m) - 1
+        share = (way_m - way[n]) / (way[n + 1] - way[n])
+        return [(1.0 - share) * a + share * b for a, b in zip(rows[n], rows[n + 1], strict=True)]
+
+    def _distances(self, position: Array, low: int = 0, high: int | None = None) -> Array:
+        """Squared, of the rows from `low` to `high`; axis by axis, as the compiled tick adds them."""
+        apart = self.position[low:high] - position
+        apart *= apart
+        total = apart[:, 0]
+        for n in range(1, apart.shape[1]):
+            total += apart[:, n]
+        return total
 
     def closest(self, position: Array, near_s: float, reach_s: float = 0.15) -> float:
         """Phase [s] whose expected position is closest to `position` (d,), searched within `reach_s` of `near_s`."""
         low = max(int((near_s - reach_s) / self.step_s), 0)
         high = min(int((near_s + reach_s) / self.step_s) + 2, self._last + 1)
         low = min(low, high - 1)
-        apart = self.position[low:high] - position
-        apart *= apart
-        total = apart[:, 0]
-        for n in range(1, apart.shape[1]):  # axis by axis, as the compiled tick adds them
-            total += apart[:, n]
-        return (low + int(total.argmin())) * self.step_s
+        return (low + int(self._distances(position, low, high).argmin())) * self.step_s
 
     def that_way(self, position: Array, velocity: Array) -> Array:
         """(d,) [m/s] Along `velocity`, as fast as lessons went that way within `place_m` of `position`, at any time."""
@@ -195,7 +216,12 @@ class PhaseReference:
 
     def outside_m(self, position: Array) -> float:
         """How far `position` (d,) lies from the nearest point of the path [m]."""
-        return float(np.linalg.norm(self.position - position, axis=1).min())
+        return float(np.sqrt(self._distances(position)).min())
+
+    @property
+    def begins_m(self) -> float:
+        """Who begins so near to where lessons began, begins where they did."""
+        return max(AT_START * self.extent_m, 3.0 * float(self.spread[0]))
 
     def entry(self, position: Array, last_s: float | None = None) -> float:
         """Phase [s] at which to enter from rest at `position` (d,): the nearest point of the path.
@@ -203,8 +229,8 @@ class PhaseReference:
         Of parts that are as near (a path that returns, crosses itself or repeats) the first, or, to go on after an interruption,
         the one nearest along the way to the phase `last_s` [s] where it was.
         """
-        apart = np.linalg.norm(self.position - position, axis=1)
-        if last_s is None and apart[0] <= max(AT_START * self.extent_m, 3.0 * float(self.spread[0])):
+        apart = np.sqrt(self._distances(position))
+        if last_s is None and apart[0] <= self.begins_m:
             return 0.0
         near = apart <= apart.min() + AS_NEAR * self.extent_m
         edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
@@ -213,9 +239,6 @@ class PhaseReference:
             return parts[0] * self.step_s
         was = self.length_m - self.remaining_m(last_s)
         return float(min(parts, key=lambda n: abs(self._way[n] - was)) * self.step_s)
-
-    def _phases(self) -> Array:
-        return np.asarray(self.step_s * np.arange(len(self.position)))
 
 
 def _riccati(spread: Array, step_s: float) -> Array:

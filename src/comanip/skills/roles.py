@@ -23,7 +23,7 @@ from ..kernels import layouts
 from ..kernels.copies import Copied
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
-from ..signals.vectors import length, plain_sum
+from ..signals.vectors import dot, length, plain_sum
 from .collaborate import (
     ABSURD,
     LED_S,
@@ -432,7 +432,7 @@ class RoleSkill(Copied):
         """Pushes a little harder all the time, unless it is plain already that nothing gives."""
         policy = self.policy
         assert self._place is not None
-        far, along = float((x - self._place) @ self._way), float(self._pull @ self._way)
+        far, along = _dot(x - self._place, self._way), _dot(self._pull, self._way)
         if far > policy.probe_m:
             s = self.reference.closest(x, self._where.phase, AROUND_S)
             self._pace.start(s, x, goal=self._goal, eases=False)  # what it means grows anyway
@@ -455,7 +455,7 @@ class RoleSkill(Copied):
     def _give_way_if_he_insists(self, x: Array) -> None:
         """A will of his own: a pull ahead, resistance that neither speed nor the lessons explain, or a place that he keeps."""
         policy, wanted = self.policy, self._pace.velocity
-        along, speed = float(self._pull @ wanted) / max(_length(wanted), 1e-3), _length(self._velocity)
+        along, speed = _dot(self._pull, wanted) / max(_length(wanted), 1e-3), _length(self._velocity)
         pushed = -along > policy.insist_n + policy.insist_ns_per_m * speed
         going = self._pace.going > policy.resting_m_per_s
         # at the end of the way, a few mm off is no place that he holds
@@ -477,6 +477,10 @@ class RoleSkill(Copied):
 
 def _length(vector: Array) -> float:
     return length(vector.tolist())
+
+
+def _dot(one: Array, other: Array) -> float:
+    return dot(one.tolist(), other.tolist())
 
 
 def _between(follow: CollaborativeLaw, lead: CollaborativeLaw, share: float) -> CollaborativeLaw:

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..interfaces import Array
 from ..kernels.copies import Copied
-from ..signals.vectors import dot, length
+from ..signals.vectors import dot, length, plain_sum
 from .reference import PhaseReference
 
 STATIONS = 160  # of all goals together; a tick looks at each
@@ -94,7 +94,7 @@ class Whereabouts(Copied):
         for g, s in enumerate(entry_s):
             part = slice(self.first[g], self.first[g + 1])
             p[self.first[g] + int(np.abs(self.stations[part, -5] - s).argmin())] += 1.0
-        self.probabilities[:] = p / p.sum()
+        self.probabilities[:] = p / plain_sum(p.tolist())
         self._tell()
 
     def step(self, position: list[float], velocity: list[float]) -> None:
