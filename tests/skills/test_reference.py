@@ -56,3 +56,12 @@ def test_the_way_ends_where_lessons_end_and_is_stretched_along_itself_though_an_
     assert np.ptp(stretched.position[:, 1]) == pytest.approx(0.1, abs=0.05)
     added = stretched.position - as_is.position
     assert (np.diff(np.linalg.norm(added, axis=1)) > -1e-9).all()
+
+
+def test_the_closest_phase_is_looked_for_around_where_it_was_and_not_where_the_path_was_before():
+    """Out and back on one line: the same place twice, and going back does not count as going out."""
+    s = np.linspace(0.0, np.pi, 401)
+    reference = PhaseReference(0.3 * np.sin(s)[:, None], np.zeros((401, 1)), 0.01)
+    assert reference.closest(np.array([0.2]), 3.2) == pytest.approx(3.07, abs=0.02)
+    assert reference.closest(np.array([0.2]), 0.9) == pytest.approx(0.93, abs=0.02)
+    assert reference.closest(np.array([0.0]), 2.0) == pytest.approx(2.0, abs=0.17), "no farther than 0.15 s at once"
