@@ -9,7 +9,7 @@ import lzma
 import numpy as np
 import pytest
 
-from comanip.errors import ChannelError, ComanipError, RecordingError
+from comanip.errors import ComanipError, RecordingError
 from comanip.formats import Columns, read, write
 from comanip.lessons.demonstration import demonstration
 from lifts import lift, minimum_jerk
@@ -308,7 +308,7 @@ def test_only_a_remark_just_above_the_numbers_names_the_columns(tmp_path):
     named = lesson_of(tmp_path, "\n".join(["# t z Fz", *numbers]) + "\n")
     holds_the_table(named)
     above = "\n".join(["# t z Fz", "# taken on a Monday", *numbers]) + "\n"
-    with pytest.raises(ChannelError, match=r"no column 'z'"):
+    with pytest.raises(RecordingError, match=r"no time column among 0, 1, 2"):
         lesson_of(tmp_path, above)
 
 
