@@ -9,9 +9,6 @@ KNOWN = {
     "tests/skills/test_tick.py::test_a_hundred_thousand_ticks_hold_no_more_memory[follower-100000]": (
         "a hand that follows positions and is kept from sinking every 6 s has left its ledger by 5 cm after some minutes"
     ),
-    "tests/test_role_changes.py::test_the_claims_hold_but_for_two_that_are_known_to_be_late": FASTER,
-    "tests/test_role_changes.py::test_a_role_that_is_known_and_played_in_time_passes": FASTER,
-    "tests/test_role_changes.py::test_what_would_refute_a_claim_does": FASTER,
 }
 BY_TIME = {
     "tests/plants/test_humanoid_force.py::test_interaction_force_by_eq_3_is_the_truth_within_a_third_of_a_newton": FASTER,
