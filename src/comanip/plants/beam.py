@@ -251,6 +251,12 @@ class BeamPlant(Copied):
                 axis.position, axis.velocity, axis.acceleration, axis.tilt, _, _, axis.sensor_force, *_ = numbers
         self.time += self.dt
 
+    def catch_up(self, time: float) -> None:
+        """After periods that somebody else let the compiled beam pass (`kernels.native.carry`), up to `time` [s]."""
+        for axis, numbers in zip(self._state, self._ends.T.tolist(), strict=True):
+            axis.position, axis.velocity, axis.acceleration, axis.tilt, _, _, axis.sensor_force, *_ = numbers
+        self.time = time
+
     def _advance(self) -> None:
         """The period to read."""
         total = [0.0] * len(self._state)

@@ -309,9 +309,7 @@ class Envelope(Copied, Situation, Bounds):
                 problem = self._unfit()
             except Exception as error:
                 problem = repr(error)
-            self._take_back()
-            self._heed(problem, 1.0)
-            self._send(command, self._period, True, False)
+            self._remark(problem, command)
             return
         self._take_back()
         period, fresh, late = self._clock(obs)
@@ -325,6 +323,12 @@ class Envelope(Copied, Situation, Bounds):
         if self._state == RUN:
             self._think(obs, period, fresh)
         self._send(command, period, fresh, late)
+
+    def _remark(self, problem: str, command: Command) -> None:
+        """What is left of a tick whose observation was ordinary, and whose command is not."""
+        self._take_back()
+        self._heed(problem, 1.0)
+        self._send(command, self._period, True, False)
 
     def _lend(self) -> None:
         """To the compiled tick, while nothing is under way that only the Python knows."""
