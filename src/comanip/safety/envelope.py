@@ -334,6 +334,8 @@ class Envelope(Copied, Situation, Bounds):
         """To the compiled tick, while nothing is under way that only the Python knows."""
         if self._ordinary is None or self._state != RUN or self._frozen is not None or self._confidence[0] < 1.0 or self._passed:
             return
+        if self._let_go.weighs and length(self._v) < self.limits.moving_m_per_s:
+            return  # the next tick weighs, which is the Python's
         if not self._first and self._ticks >= 5 and self._jump.pending is None:
             self._ordinary.lend(self)
             self._is_lent = True
