@@ -210,7 +210,7 @@ class Episode:
         return self._stopped_short() if self.mode == "HOLD" else ""
 
     def _stopped_short(self) -> str:
-        """A fault of the envelope lasts until somebody re-arms, which nobody does here: a hand that stands elsewhere has missed."""
+        """A fault of the envelope lasts until somebody re-arms, and nobody does here: a hand that stands elsewhere has missed."""
         within, obs = self.within, self.loop.obs
         stands = not self.skill.passes and hypot(*self.sent, *obs.velocity.tolist()) < STANDS_M_PER_S  # type: ignore[attr-defined]
         if not stands or not within.goal:

@@ -39,9 +39,9 @@ class Plain:
 class CarryVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[name-defined]
     """`gymnasium.make_vec("comanip/Carry-v0", num_envs=64, task="lift", role="follower")`: `num_envs` times `CarryEnv`.
 
-    The numbers are those of `CarryEnv`: run i of reset(seed=s) is that of seed s + i, then and after every episode. Compiled are the
-    ticks of `gym.compiled`: the usual people on the beam while the envelope has nothing to say. Other people, plants, tasks and ticks
-    are the Python's, slower; `info["compiled"]` says for which runs, `compiled_share` how many ticks.
+    The numbers are those of `CarryEnv`: run i of reset(seed=s) is that of seed s + i, then and after every episode. Compiled are
+    the ticks of `gym.compiled`: the usual people on the beam while the envelope has nothing to say. Other people, plants, tasks and
+    ticks are the Python's, slower; `info["compiled"]` says for which runs, `compiled_share` how many ticks.
 
     autoreset_mode   Gymnasium's: NEXT_STEP (the step after an end resets, its action is not used) or SAME_STEP (an end resets at
                      once; the last observation and info are in `final_obs` and `final_info`)
@@ -69,7 +69,7 @@ class CarryVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[name-defined]
         if mode is Autoreset.DISABLED:
             raise ParameterError("autoreset_mode is DISABLED; allowed: NEXT_STEP, SAME_STEP")
         self.num_envs, self.setting, self.render_mode = num_envs, Setting.of(task, role, people, plant=plant, **setting), None
-        self.metadata = {**self.metadata, "autoreset_mode": mode}
+        self.metadata = {**self.metadata, "autoreset_mode": mode}  # type: ignore[misc]
         self.single_observation_space, self.single_action_space = spaces(self.setting.seen)
         batched = gymnasium.vector.utils.batch_space
         self.observation_space = batched(self.single_observation_space, num_envs)
@@ -96,7 +96,8 @@ class CarryVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[name-defined]
                 raise ParameterError(f"seed has {len(seeds)} entries; allowed: one number, or one a run, {self.num_envs}")
             self._rngs = [gymnasium.utils.seeding.np_random(one)[0] for one in seeds]
         case = asked_case(options)
-        self._slots, infos = [None] * self.num_envs, {}
+        infos: dict[str, Any] = {}
+        self._slots = [None] * self.num_envs
         for n in range(self.num_envs):
             infos = self._add_info(infos, self._begin(n, case), n)
         self._ended[:] = False
@@ -116,7 +117,8 @@ class CarryVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[name-defined]
     def step(self, actions: Any) -> tuple[Array, Array, Any, Any, dict[str, Any]]:
         """ParameterError for actions of another shape or not finite; nothing has moved then."""
         said = self._checked(actions)
-        resting, infos = self._ended.copy(), {}
+        infos: dict[str, Any] = {}
+        resting = self._ended.copy()
         for n in np.flatnonzero(resting):  # NEXT_STEP: they begin anew instead
             infos = self._add_info(infos, self._begin(int(n)), int(n))
             self._runs[n] = None
