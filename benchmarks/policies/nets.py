@@ -67,7 +67,8 @@ class Brain:
     """One trained network as `comanip trial --law-from` asks it; `kept` is what `save` stored."""
 
     def __init__(self, kept: dict[str, Any]) -> None:
-        self.kind, self.d = kept["kind"], kept["n_out"]
+        self.kind, self.d, self.action = kept["kind"], kept["n_out"], kept.get("action", "velocity")
+        self.leak = kept.get("leak", 0.0)
         self.net = KINDS[self.kind](kept["n_in"], kept["n_out"]).eval()
         self.net.load_state_dict(kept["weights"])
         self.mean, self.scale, self.out = (np.array(kept[name]) for name in ("mean", "scale", "by"))
@@ -88,7 +89,8 @@ class Brain:
         if self.kind == "act":
             self.past = x.repeat(MEMORY, 1) if self.past is None else torch.cat([self.past[1:], x[None]])
             return self.net(self.past[None])[0].double().numpy() * self.out
-        return self.net(x).double().numpy() * self.out
+        said = self.net(x).double().numpy()
+        return (np.clip(said, -1.0, 1.0) if self.kind == "ppo" else said) * self.out - self.leak * seen[-2 * self.d : -self.d]
 
 
 ENTRY = '''"""{what}"""
@@ -137,7 +139,8 @@ def skill_of(out: str, name: str, role: str, axes: Any, dt: float, task: str) ->
     from comanip.trials.sight import Seen
 
     def one(of: str) -> Policy:
-        return Policy(f"{name}.py", Called(brain_of(out, name, of, task), Seen(len(axes)), {}), None, dt)
+        brain = brain_of(out, name, of, task)
+        return Policy(f"{name}.py", Called(brain, Seen(len(axes), action=brain.action), {}), None, dt)
 
     if role != "auto":
         return one(role)

@@ -21,7 +21,13 @@ from stable_baselines3.common.vec_env import VecEnv
 from comanip.gym import CarryVectorEnv
 
 SCALES = (0.2, 0.25, 5.0)  # of position from the start [m], velocity [m/s], force [N]
-SAID_M_PER_S = 0.5  # what 1 of the network means
+SAID_M_PER_S2, LEAK_PER_S = 2.0, 3.0  # what 1 of the network means; a damper below it, so that noise does not walk away
+ABOUT = {"misbehaving": 0.0, "action": "acceleration", "autoreset_mode": AutoresetMode.SAME_STEP}
+
+
+def accelerations(actions: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """What the network's -1 to 1 means at this velocity [m/s^2]."""
+    return SAID_M_PER_S2 * np.clip(actions, -1.0, 1.0) - LEAK_PER_S * velocity
 
 
 class Training(VecEnv):
@@ -30,7 +36,7 @@ class Training(VecEnv):
     def __init__(self, n: int, task: str, role: str, seed: int) -> None:
         import gymnasium
 
-        self.envs = CarryVectorEnv(n, task, role, misbehaving=0.0, autoreset_mode=AutoresetMode.SAME_STEP)
+        self.envs = CarryVectorEnv(n, task, role, **ABOUT)
         self.d = self.envs.setting.seen.n_axes
         self.scale = np.repeat(SCALES, self.d)
         box = gymnasium.spaces.Box
@@ -39,7 +45,7 @@ class Training(VecEnv):
 
     def reset(self) -> np.ndarray:
         seen, _ = self.envs.reset(seed=self.first)
-        self.start = seen[:, : self.d].copy()
+        self.start, self.moving = seen[:, : self.d].copy(), seen[:, self.d : 2 * self.d]
         return self._scaled(seen)
 
     def _scaled(self, seen: np.ndarray) -> np.ndarray:
@@ -48,10 +54,11 @@ class Training(VecEnv):
         return np.clip(shown / self.scale, -100.0, 100.0).astype(np.float32)
 
     def step_async(self, actions: np.ndarray) -> None:
-        self.said = SAID_M_PER_S * np.clip(actions, -1.0, 1.0)
+        self.said = accelerations(actions, self.moving)
 
     def step_wait(self):
         seen, reward, ended, _, infos = self.envs.step(self.said)
+        self.moving = seen[:, self.d : 2 * self.d]
         told: list[dict] = [{} for _ in range(self.num_envs)]
         for n in np.flatnonzero(ended):
             last = infos["final_obs"][n][None, :]
@@ -81,13 +88,13 @@ class Training(VecEnv):
 class Curve(BaseCallback):
     """Tries the mean policy on the same partners every two minutes, writes what came of it, keeps the best, stops in time."""
 
-    EVERY_MIN, PARTNERS = 2.0, 48
+    EVERY_MIN, PARTNERS = 3.0, 20
 
     def __init__(self, envs: Training, file: Path, asked: argparse.Namespace, keep) -> None:
         super().__init__()
         self.keep, self.minutes, self.best, self.began = keep, asked.minutes, (-1.0, 0.0), time.monotonic()
         self.out, self.d, self.scale, self.next = file.open("w", newline=""), envs.d, envs.scale, 0.0
-        self.tried = CarryVectorEnv(self.PARTNERS, asked.task, asked.role, misbehaving=0.0, autoreset_mode=AutoresetMode.SAME_STEP)
+        self.tried = CarryVectorEnv(self.PARTNERS, asked.task, asked.role, **ABOUT)
         self.out.write("minutes,steps,success,return\n")
 
     @property
@@ -120,7 +127,7 @@ class Curve(BaseCallback):
             shown = seen[:, : 3 * self.d].copy()
             shown[:, : self.d] -= start
             said = net(torch.as_tensor(shown / self.scale, dtype=torch.float32)).numpy()
-            seen, reward, ended, _, infos = self.tried.step(SAID_M_PER_S * np.clip(said, -1.0, 1.0))
+            seen, reward, ended, _, infos = self.tried.step(accelerations(said, seen[:, self.d : 2 * self.d]))
             worth += np.where(over, 0.0, reward)
             good += [infos["final_info"]["success"][n] for n in np.flatnonzero(ended & ~over)]
             start[ended] = seen[ended, : self.d]
@@ -148,14 +155,14 @@ def main() -> None:
     asked = words.parse_args()
     asked.out.mkdir(parents=True, exist_ok=True)
     envs = Training(asked.runs, asked.task, asked.role, 1000 + asked.seed)
-    model = PPO(
-        "MlpPolicy", envs, n_steps=256, batch_size=2048, n_epochs=6, gamma=0.997, gae_lambda=0.95, learning_rate=5e-4, seed=asked.seed,
-        clip_range=0.2, ent_coef=0.0, device="cpu", policy_kwargs={"log_std_init": -3.0, "net_arch": [64, 64]},
-    )  # fmt: skip
+    how = {"n_steps": 128, "batch_size": 1024, "n_epochs": 8, "gamma": 0.997, "gae_lambda": 0.95, "learning_rate": 1e-3}
+    net = {"log_std_init": -2.6, "net_arch": [64, 64]}
+    model = PPO("MlpPolicy", envs, **how, seed=asked.seed, device="cpu", policy_kwargs=net)
     d = envs.d
 
     def keep(model: PPO) -> None:
-        about = {"kind": "ppo", "n_in": 3 * d, "n_out": d, "mean": [0.0] * 3 * d, "scale": envs.scale.tolist(), "by": SAID_M_PER_S}
+        about = {"kind": "ppo", "action": "acceleration", "n_in": 3 * d, "n_out": d, "leak": LEAK_PER_S, "by": SAID_M_PER_S2}
+        about |= {"mean": [0.0] * 3 * d, "scale": envs.scale.tolist()}
         save(asked.out, "ppo", asked.task, asked.role, network(model, d), **about)
 
     curve = Curve(envs, asked.out / f"ppo_{asked.task}_{asked.role}.csv", asked, keep)

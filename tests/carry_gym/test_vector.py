@@ -17,7 +17,7 @@ ABOUT = (  # and how many ticks, and whether some of them are compiled
     ({"role": "leader", "action": "acceleration"}, 500, True),
     ({"role": "auto", "history": 3}, 500, True),
     ({"task": "round-the-corner", "ends_early": False}, 700, True),
-    ({"people": ["usual", "sways"]}, 500, True),
+    ({"people": ["sways"]}, 300, False),
     ({"task": "turn", "role": "leader"}, 120, False),
 )
 

@@ -65,9 +65,7 @@ def test_ten_thousand_takeovers_stay_within_the_bound_and_arrive():
             wanted["ab".index(who)] = rng.uniform(-0.6, 0.6, 2)
         arbiter.request(who)
         takeovers += 1
-        for _ in range(
-            80 if rng.uniform() < 0.03 else int(rng.integers(1, 8))
-        ):  # mostly another takes over before the one is there
+        for _ in range(80 if rng.uniform() < 0.03 else int(rng.integers(1, 8))):  # mostly too short to arrive
             arbiter.step(obs, command)
             assert np.linalg.norm(command.velocity - last) <= 2.0 * DT * (1.0 + 1e-9)
             last = command.velocity.copy()

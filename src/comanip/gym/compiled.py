@@ -1,13 +1,13 @@
 """The compiled tick of an episode (kernels/_carry.h), and its memory, lent to C and taken back when the Python has to speak.
 
-C takes ticks of a beam whose person is known by numbers (the usual people who behave, or who lead and hesitate or reverse) within
-an envelope that has nothing to say. All other ticks, and all ticks of other people, plants and tasks that turn the object, are the
-Python's; the numbers are the same.
+C takes ticks of a beam whose person is known by numbers (the usual people who behave, or who lead and hesitate or reverse)
+within an envelope that has nothing to say. All other ticks, and all ticks of other people, plants and tasks that turn the object,
+are the Python's; the numbers are the same.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -77,7 +77,7 @@ class Compiled:
     def __init__(self, episode: Episode, seen: Array, parts: Array) -> None:
         """`seen` (n,) and `parts` (4,) are where C writes what the policy sees, and the reward's parts."""
         self.episode = episode
-        self._plant: Any = episode.loop.plant
+        self._plant = cast(Any, episode.loop.plant)
         self._envelope: Any = episode.skill
         self._parts, self._made = parts, None
         episode.sight.move_to(seen)
@@ -86,7 +86,7 @@ class Compiled:
         self._counts = np.zeros(4, dtype=np.int64)
         self._counts[MOST] = episode.most
         self._stream = Stream(self._plant._rng, d, self._counts)
-        self._plant._rng, self._plant._noise = self._stream, self._stream
+        self._plant.draws_from(self._stream)
         self._time, self._command, self._wish = np.zeros(1), np.zeros(3 * d), np.zeros(3 * d)
         self._truth, self._signs, self._sent = np.zeros(3 * d), np.array([0.0, 0.0, 1.0]), np.zeros(d)
         recorder = episode.loop.recorder

@@ -40,8 +40,8 @@ class CarryVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[name-defined]
     """`gymnasium.make_vec("comanip/Carry-v0", num_envs=64, task="lift", role="follower")`: `num_envs` times `CarryEnv`.
 
     The numbers are those of `CarryEnv`: run i of reset(seed=s) is that of seed s + i, then and after every episode. Compiled are
-    the ticks of `gym.compiled`: the usual people on the beam while the envelope has nothing to say. Other people, plants, tasks and
-    ticks are the Python's, slower; `info["compiled"]` says for which runs, `compiled_share` how many ticks.
+    the ticks of `gym.compiled`: the usual people on the beam while the envelope has nothing to say. Other people, plants, tasks
+    and ticks are the Python's, slower; `info["compiled"]` says for which runs, `compiled_share` how many ticks.
 
     autoreset_mode   Gymnasium's: NEXT_STEP (the step after an end resets, its action is not used) or SAME_STEP (an end resets at
                      once; the last observation and info are in `final_obs` and `final_info`)
