@@ -14,7 +14,21 @@ from setuptools.command.build_ext import build_ext
 FREE_THREADED = bool(sysconfig.get_config_var("Py_GIL_DISABLED"))  # it has no stable ABI, and setuptools refuses to pretend
 X87 = platform.machine().lower() in ("i386", "i486", "i586", "i686", "x86")  # whose registers of 80 bits round otherwise
 FLAGS = ["-O3", "-std=gnu11", "-fno-wrapv", "-fno-math-errno", "-fno-trapping-math", "-Wno-psabi"]
-HEADERS = ("layout", "lanes", "segments", "hsmm", "vectors", "path", "foresight", "law", "checker", "envelope", "beam", "rows")
+HEADERS = (
+    "layout",
+    "lanes",
+    "segments",
+    "hsmm",
+    "vectors",
+    "path",
+    "foresight",
+    "law",
+    "checker",
+    "envelope",
+    "beam",
+    "rows",
+    "carry",
+)
 
 
 class Built(build_ext):

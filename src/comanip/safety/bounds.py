@@ -32,6 +32,20 @@ class Bounds:
                     return f"{name} is {value}"
         return ""
 
+    def _book(self: Any, period: float, late: bool) -> None:
+        """Where the last command led, and what it cost at worst."""
+        limits, speed = self.limits, length(self._v)
+        way = [v * period for v in self._v]
+        if late and speed > 0.0:  # a command is valid for one period; then the low level brakes
+            braking = min(period - self._dt, speed / limits.a_max_m_per_s2)
+            far = speed * (self._dt + braking) - 0.5 * limits.a_max_m_per_s2 * braking * braking
+            way = [v / speed * far for v in self._v]
+        self._x = [x + w for x, w in zip(self._x, way, strict=True)]
+        gain = dot(self._force, way) if self._known and not late else -limits.force_limit_n * length(way)
+        self._energy = min(limits.energy_j, max(0.0, self._energy + gain))
+        if (off := apart(self._x, self._at)) > limits.drift_m and self._state != HOLD:
+            self._fault(f"does not follow: {off:.2g} m off")
+
     def _braked(self: Any, period: float) -> list[float]:
         speed = length(self._v)
         left = speed - self.limits.a_max_m_per_s2 * period

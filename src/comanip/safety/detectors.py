@@ -81,6 +81,11 @@ class LetGo:
         """What the hand's share weighs [N]; 0 before that is known."""
         return length(self.weight) if self._weighed >= WEIGHED_TICKS else 0.0
 
+    @property
+    def weighs(self) -> bool:
+        """Whether the load is not known yet."""
+        return self._weighed < WEIGHED_TICKS
+
     def step(self, speed: float, period: float) -> bool:
         load = self.load
         alone = False
