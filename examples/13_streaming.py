@@ -4,15 +4,16 @@ from pathlib import Path
 
 import numpy as np
 
-from comanip import Columns, fit_stream, teach, write
+from comanip import Columns, Recording, fit_stream, teach, write
 from comanip.lessons.demonstration import Preparation
 from comanip.lessons.shards import RecordingShards
 
 folder = Path("out/example_stream")
 folder.mkdir(parents=True, exist_ok=True)
-paths = [str(folder / f"follower_{number}.mcap") for number in range(6)]
+paths = [str(folder / f"follower_{number}.mcap") for number in range(4)]
 for path, lesson in zip(paths, teach("follower", len(paths), rng=np.random.default_rng(0)), strict=True):
-    write(lesson, path)
+    hand = {name: channel for name, channel in lesson.channels.items() if name.startswith("hand.")}
+    write(Recording(hand, lesson.metadata), path)  # what each pass reads again is what it learns from, and no more
 
 channels = ("position.z", "force.z", "velocity.z")
 reader = RecordingShards(channels, Columns(), Preparation(rate_hz=100.0))

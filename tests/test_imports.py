@@ -91,13 +91,14 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
         "trials",
     },
     "web": {*BASE, "trials", "evaluation"},
+    "page": {*BASE, "parts", "formats", "interaction", "learned", "models", "reproduction", "skills", "safety", "tasks", "whole_file"},
 }
 LEAVES = {"commands", "experiments", "__init__"}  # may import anything, and nothing imports them
 LOOSE = 12  # modules at the top of the house, at most
 ONLY_IN = {  # outside library -> files that may import it
     "mujoco": ("plants/",),
     "matplotlib": ("evaluation/drawing.py", "peers/mvn.py"),  # the second: gmr's interface draws ellipses on given axes
-    "cyclopts": ("commands/app.py", "commands/flags.py"),
+    "cyclopts": ("commands/app.py", "commands/flags.py", "commands/on_the_page.py"),
     "mcap": ("formats/",),
     "pyarrow": ("lessons/shards.py", "formats/parquet_file.py", "formats/lerobot_write.py"),
     "h5py": ("formats/hdf5_file.py", "formats/hdf5_inside.py", "formats/mat73_file.py"),

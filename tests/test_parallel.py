@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -57,3 +59,24 @@ def test_a_call_that_kills_every_worker_is_named_and_what_came_before_is_kept(tm
     ):
         next(results)
     assert list(each(squared, ((i,) for i in range(4)), n_jobs=2)) == [0, 1, 4, 9]  # the next work finds workers again
+
+
+@pytest.mark.skipif(os.name != "posix", reason="masks of POSIX")
+def test_what_is_started_while_control_c_is_blocked_never_hears_it_though_the_trackers_unblock_it():
+    """The first pool starts two resource trackers, which open the mask again: its workers died of Control-C with tracebacks."""
+    program = (
+        "import signal, subprocess, sys\n"
+        "from comanip.parallel import deaf, each\n"
+        "ask = 'import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))'\n"
+        "list(each(abs, [(1,)], n_jobs=2))\n"
+        "from multiprocessing import resource_tracker\n"
+        "from joblib.externals.loky.backend import resource_tracker as loky\n"
+        "with deaf():\n"
+        "    resource_tracker.ensure_running(); loky.ensure_running()\n"
+        "    print(subprocess.run([sys.executable, '-c', ask], capture_output=True, text=True).stdout)\n"
+        "print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []), sys.warnoptions)\n"
+    )
+    fresh = program.replace("list(each(abs, [(1,)], n_jobs=2))\n", "")
+    for text in (program, fresh):
+        done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True)
+        assert done.stdout.split() == ["True", "False", "[]"], done.stderr

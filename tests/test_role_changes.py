@@ -9,6 +9,7 @@ from pictures import is_drawn
 
 pytest.importorskip("matplotlib")
 from comanip.evaluation import drawing as figures
+from comanip.evaluation.claims import at_most
 from comanip.experiments import role_changes
 
 
@@ -21,39 +22,56 @@ def failed(found):
     return [claim.text for claim in role_changes.claims(found) if not claim.passed]
 
 
-EARLY, LATE = "before: motion", "he insists"  # known: told or noticed after 1.0 to 1.6 s of motion, see docs/figures.md
-
-
-def test_the_claims_hold_but_for_two_that_are_known_to_be_late(found):
-    assert all(text.startswith((EARLY, LATE)) for text in failed(found))
-    assert all(c.measured < 1.7 for c in role_changes.claims(found) if c.text.startswith((EARLY, LATE)))
-
-
-def test_a_role_that_is_known_and_played_in_time_passes(found):
+def ideal(found):
+    """The same lift as a robot would play it that knows: the role at once, no force above 9 N, and the height that is wanted."""
     t = found.time
     leads = ((t > role_changes.HANDS_OVER_S) & (t < role_changes.INSISTS_S)).astype(float)
     told = np.zeros_like(found.role)
     told[:, 1] = 1.0
-    assert failed(found._replace(role=told, blend=leads)) == []
+    height = np.where(t > role_changes.END_S - 2.0, role_changes.INSISTED_M, found.height)
+    return found._replace(role=told, blend=leads, force=np.clip(found.force, -9.0, 9.0), height=height)
+
+
+def test_each_claim_holds_or_fails_as_is_known(found):
+    """Strictly: a claim that holds again is taken off the known ones in `role_changes.claims`."""
+    assert [(c.text, c.measured, c.known) for c in role_changes.claims(found) if not c.as_known] == []
+    assert 0 < sum(bool(c.known) for c in role_changes.claims(found)) < 4
+
+
+def test_a_role_that_is_known_and_played_in_time_passes(found):
+    assert failed(ideal(found)) == []
 
 
 def test_what_would_refute_a_claim_does(found):
+    found = ideal(found)
     t = found.time
     defects = {
-        EARLY: found._replace(role=np.eye(4)[np.zeros(len(t), dtype=int)]),
+        "before: motion": found._replace(role=np.eye(4)[np.zeros(len(t), dtype=int)]),
         "before: ticks": found._replace(blend=np.where(t < 2.0, 1.0, found.blend)),
-        "he hands over": found._replace(blend=np.zeros_like(t)),
-        LATE: found._replace(blend=np.ones_like(t)),
+        "the partner hands over": found._replace(blend=np.zeros_like(t)),
+        "the partner insists": found._replace(blend=np.ones_like(t)),
         "offers": found._replace(blend=np.where(t > 9.0, (t * 2).astype(int) % 2, found.blend)),
         "no jump": found._replace(commanded=found.commanded + 0.2 * (t > 5.0)),
-        "largest |F|": found._replace(force=found.force + 12.0 * (t > 9.0)),
+        "largest |F|": found._replace(force=np.where(t > 9.0, 12.0, found.force)),
         "distance of the end": found._replace(height=found.height + 0.05 * (t > 9.0)),
     }
     before = {c.text: c.measured for c in role_changes.claims(found)}
+    assert {text for text in before if text.startswith(tuple(defects))} == set(before), "a defect for each claim"
     for words, spoilt in defects.items():
         (claim,) = [c for c in role_changes.claims(spoilt) if c.text.startswith(words)]
         assert not claim.passed
-        assert claim.measured >= before[claim.text]
+        assert claim.measured > before[claim.text]
+
+
+def test_what_is_known_to_fail_and_holds_is_wrong_too():
+    late = at_most("late", 2.0, 1.0, refuted_by="later", known="not mended yet")
+    assert late.as_known
+    assert late.verdict == "known to fail (not mended yet)"
+    mended = late._replace(passed=True)
+    assert not mended.as_known
+    assert mended.verdict == "pass (no longer known to fail: not mended yet)"
+    assert not at_most("late", 2.0, 1.0, refuted_by="later").as_known
+    assert at_most("in time", 1.0, 1.0, refuted_by="later").as_known
 
 
 def test_it_draws(found, tmp_path):

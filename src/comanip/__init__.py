@@ -44,6 +44,7 @@ _PUBLIC = {
     "PaperLaw": "comanip.skills.paper",
     "PaperSkill": "comanip.skills.paper",
     "RolePolicy": "comanip.skills.roles",
+    "Arbiter": "comanip.skills.arbiter",
     "MassDamper": "comanip.skills.baselines",
     "Envelope": "comanip.safety.envelope",
     "Limits": "comanip.safety.envelope",
@@ -168,6 +169,7 @@ if TYPE_CHECKING:  # the same once more for type checkers and editors; a test co
     from .reproduction import make_skill as make_skill
     from .safety.envelope import Envelope as Envelope
     from .safety.envelope import Limits as Limits
+    from .skills.arbiter import Arbiter as Arbiter
     from .skills.baselines import MassDamper as MassDamper
     from .skills.collaborate import CollaborativeLaw as CollaborativeLaw
     from .skills.collaborate import CollaborativeSkill as CollaborativeSkill

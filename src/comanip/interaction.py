@@ -187,8 +187,7 @@ def identify_payload(
     bias, the footnote's m = |mean F_s| / (s g0)); `mass_kg` gives the bias.
 
     holding, empty   (T, d) [N], hand at rest; gravity (d,) [m/s^2]
-    Raises ParameterError when two of the three are given, when no weight acts along the axes, or when the mass comes
-    out negative.
+    Raises ParameterError for two of the three, where no weight acts along the axes, or if the mass comes out negative.
     """
     known = [n for n, v in (("empty", empty), ("force_bias_n", force_bias_n), ("mass_kg", mass_kg)) if v is not None]
     if len(known) > 1:

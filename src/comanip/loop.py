@@ -172,14 +172,18 @@ class Stepper:
         self.plant, self.skill, self.estimator = plant, skill, estimator
         self.obs, self.command = Observation(len(plant.axes)), Command(len(plant.axes))
         _begin(plant, skill, estimator, self.obs, self.command)
-        self._observed = tuple(name for name in _OBSERVED if not np.isnan(getattr(self.obs, name)).all())
-        self.recorder = Recorder(_layout(plant, skill, self._observed))
+        self.observed = tuple(name for name in _OBSERVED if not np.isnan(getattr(self.obs, name)).all())
+        self.recorder = Recorder(_layout(plant, skill, self.observed))
 
     def act(self) -> str:
         """The skill steps, the plant is told, the row is kept; why the run must end, or nothing."""
         self.skill.step(self.obs, self.command)
+        return self.send()
+
+    def send(self) -> str:
+        """What is left of `act` when the skill has stepped."""
         self.plant.write(self.command)
-        _record(self.recorder, self._observed, self.obs, self.command, self.plant, self.skill, 0.0)
+        _record(self.recorder, self.observed, self.obs, self.command, self.plant, self.skill, 0.0)
         return self.plant.stop_reason or self.skill.stop_reason
 
     def advance(self) -> None:

@@ -39,6 +39,8 @@ MOST_DEATHS = 4  # without a result between them: then the call is the cause
 ORPHANED_S = 0.25  # after which a worker notices that whoever asked for its work is gone
 AHEAD = 4  # calls a thread of the cluster that are handed out before their turn: enough that none waits, too few to fill memory
 
+TIDY = "ignore:resource_tracker:UserWarning"
+
 _cluster: ContextVar[Any] = ContextVar("_cluster", default=None)
 
 
@@ -101,11 +103,29 @@ def deaf() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    _begin_trackers()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin_trackers() -> None:
+    """Whoever starts a process by multiprocessing or loky starts its resource tracker first, which unblocks Control-C once it
+    runs, whatever was blocked before: workers that came after it died of Control-C, each with a traceback. What an interrupted
+    pool leaves the trackers clean up, and need not say so behind the one line about Control-C.
+    """
+    from multiprocessing import resource_tracker
+
+    from joblib.externals.loky.backend import resource_tracker as of_loky
+
+    sys.warnoptions.append(TIDY)  # is handed on to the processes that are started now
+    try:
+        resource_tracker.ensure_running()
+        of_loky.ensure_running()
+    finally:
+        sys.warnoptions.remove(TIDY)
 
 
 def end_with(parent: int) -> None:

@@ -181,6 +181,7 @@ EXPORTS: dict[str, Target] = {
     "c": Target("comanip.export.targets:to_c", ".c"),
     "ctypes": Target("comanip.export.targets:to_ctypes", ".py"),
     "ros2-control": Target("comanip.export.targets:to_ros2_control"),
+    "page": Target("comanip.page.export:write_page", ".html"),
 }
 # A file is read whole and takes several times its size meanwhile: the limits keep that near half a gigabyte.
 FORMATS: tuple[Format, ...] = (

@@ -98,3 +98,30 @@ def test_pieces_of_one_take_are_left_out_together(lessons):
 def test_no_lesson_is_refused(skills):
     with pytest.raises(ParameterError, match="no lesson"):
         forecaster(skills["follower"], [])
+
+
+def test_a_ridge_holds_back_slopes_and_not_the_mean():
+    """With a penalty of 1e6 the slopes are gone, and what is foreseen is the mean of 5, not of 0."""
+    rng = np.random.default_rng(0)
+    z = np.column_stack([rng.normal(size=(200, 3)), np.ones(200)])
+    y = 5.0 + z[:, :1] + 0.1 * rng.normal(size=(200, 1))
+    solved = forecasting._solved(z.T @ z, z.T @ y, 1e6)
+    assert np.abs(solved[:-1]).max() < 1e-2
+    assert solved[-1, 0] == pytest.approx(float(y.mean()), abs=1e-2)
+
+
+def test_where_nothing_is_to_be_foreseen_the_head_is_exactly_nothing():
+    """Noise on noise in four lessons: every ridge costs more on lessons left out than constant velocity does."""
+    rng = np.random.default_rng(1)
+    inputs, truth = [rng.normal(size=(60, 6)) for _ in range(4)], [rng.normal(size=(60, 1)) for _ in range(4)]
+    head, cost = forecasting._ridge(inputs, truth, False)
+    assert not head.gains.any()
+    assert not head.offset.any()
+    assert cost == pytest.approx(sum(float((y**2).sum()) for y in truth))
+
+
+def test_of_one_lesson_no_roll_out_is_chosen_and_of_several_only_one_that_helps(skills, lessons):
+    assert not any(head.uses_roll_out for head in forecaster(skills["follower"], lessons["follower"][:1]).heads)
+    several = forecaster(skills["follower"], lessons["follower"][:3])
+    for head, ridge in zip(several.heads, several.ridges, strict=True):
+        assert head.uses_roll_out or head is ridge

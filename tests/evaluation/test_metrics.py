@@ -37,6 +37,24 @@ def test_internal_force_is_the_smaller_of_two_that_oppose_each_other_signed_as_t
     np.testing.assert_array_equal(internal_force(first, second), [1.0, -1.0, 1.0, -1.0, 0.0, 0.0])
 
 
+def test_internal_force_in_three_axes_is_the_smaller_one_by_the_cosine_and_turns_with_them():
+    """6 N against 4 N at 60 degrees from opposed: 4 cos 60 = 2 N along the first. Aligned or across: nothing."""
+    first = np.array([[6.0, 0.0, 0.0]] * 4)
+    second = 4.0 * np.array([[-0.5, np.sqrt(0.75), 0.0], [0.5, np.sqrt(0.75), 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
+    found = internal_force(first, second)
+    np.testing.assert_allclose(found, [[2.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [4.0, 0.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(internal_force(second[:1], first[:1]), 0.5 * second[:1], atol=1e-12)
+    turn, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
+    np.testing.assert_allclose(internal_force(first @ turn.T, second @ turn.T), found @ turn.T, atol=1e-12)
+
+
+def test_energy_is_of_the_power_in_all_axes_together():
+    """A force across the motion exchanges nothing, and 1 W in along one axis while 1 W goes out along another is nothing."""
+    force, velocity = np.tile([2.0, 2.0], (200, 1)), np.tile([0.5, -0.5], (200, 1))
+    assert energy_exchanged(force, velocity, DT) == pytest.approx(0.0, abs=1e-12)
+    assert energy_exchanged(force, np.abs(velocity), DT) == pytest.approx(2.0 * 200 * DT)
+
+
 def test_the_share_of_effort_is_of_squared_forces():
     assert effort_share(3.0 * SINE, SINE) == pytest.approx(0.9)
     assert effort_share(SINE, 3.0 * SINE) == pytest.approx(0.1)

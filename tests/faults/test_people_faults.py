@@ -183,7 +183,7 @@ def test_C12_a_wall_stops_it_and_is_not_pressed_on(skills, role):
     t, x, v, f = carry(noted, person, at + 6.0)
     assert np.abs(f).max() < Limits().force_limit_n
     assert np.abs(f[t > at + 1.5]).max() < 3.0
-    assert np.abs(v[t > at + 1.5]).max() < 0.01
+    assert np.abs(v[t > at + 1.5]).max() < 0.02  # while it asks, with less than 3 N, whether the wall has gone
     assert np.ptp(x[t > at + 1.5]) < 0.02
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import struct
 import warnings
 
 import numpy as np
@@ -15,7 +16,7 @@ from bags import T0, lifting, make, pose, quaternion, transform, twist, vector, 
 from comanip.errors import ChannelError, ParameterError, RecordingError
 from comanip.formats import Columns, read
 from comanip.formats.events import events
-from comanip.formats.ros2 import Decoder, table, values
+from comanip.formats.ros2 import Decoder, parsed, table, values
 from comanip.formats.ros2_types import DEFINITIONS
 from comanip.lessons.demonstration import demonstrations
 from lifts import minimum_jerk
@@ -471,3 +472,26 @@ def test_a_message_cut_anywhere_or_with_a_lying_length_is_an_error():
     lying = data[:12] + b"\xff\xff\xff\x7f" + data[16:]
     with pytest.raises(RecordingError, match="declares 2147483647 entries"):
         Decoder("geometry_msgs/msg/PoseStamped", DEFINITIONS["geometry_msgs/PoseStamped"]).shape(lying)
+
+
+def test_two_sequences_that_change_places_are_two_shapes():
+    """As many bytes, other lengths: read by the first one's shape, b would begin with a's last number."""
+    decoder = Decoder("x/msg/Two", "float64[] a\nfloat64[] b\n")
+
+    def message(a, b):
+        parts = (
+            struct.pack("<I", len(n)) + b"\0" * (-(4 + at) % 8) + struct.pack(f"<{len(n)}d", *n)
+            for at, n in ((0, a), (8 * len(a), b))
+        )
+        return b"\0\1\0\0" + b"".join(parts)
+
+    for a, b in (([1.0], [2.0, 3.0]), ([1.0, 2.0], [3.0]), ([4.0], [5.0, 6.0])):
+        shape = decoder.shape(message(a, b))
+        found = {block.path: values(table(shape, [message(a, b)]), block)[0].tolist() for block in shape.blocks}
+        assert found == {"a": a, "b": b}
+
+
+@pytest.mark.parametrize(("kind", "length"), [("float64[<=3]", -1), ("float64[]", -1), ("float64[3]", 3), ("float64", None)])
+def test_a_bounded_sequence_is_a_sequence_and_no_array(kind, length):
+    (field,) = parsed("x/msg/One", f"{kind} a")["x/One"]
+    assert (field.name, field.type, field.length) == ("a", "float64", length)

@@ -292,3 +292,30 @@ def test_stamps_of_our_own_files_are_not_ignored_where_the_channels_differ(tmp_p
     write(lift().with_channels({"hand.force": lift(rate_hz=300.0)["hand.force"]}), tmp_path / "a.csv")
     with pytest.raises(ComanipError, match=r"different numbers of frames .*hand.position 401.*hand.force 1201"):
         read(tmp_path / "a.csv", Columns(time="none", rate_hz=100))
+
+
+# What stands around the numbers ----------------------------------------------------------------------------------------
+
+
+def test_a_row_of_units_below_the_names_is_what_the_numbers_are_in(tmp_path):
+    """Height in mm and time in ms by the second line alone: without it they would be a lift of 300 m within an hour."""
+    lines = ["ms,mm,N", *[f"{1e3 * t:.0f},{1e3 * z:.3f},{f:.4f}" for t, z, f in TABLE]]
+    holds_the_table(lesson_of(tmp_path, text("t,z,Fz", lines)))
+
+
+def test_only_a_remark_just_above_the_numbers_names_the_columns(tmp_path):
+    numbers = rows()
+    named = lesson_of(tmp_path, "\n".join(["# t z Fz", *numbers]) + "\n")
+    holds_the_table(named)
+    above = "\n".join(["# t z Fz", "# taken on a Monday", *numbers]) + "\n"
+    with pytest.raises(RecordingError, match=r"no time column among 0, 1, 2"):
+        lesson_of(tmp_path, above)
+
+
+def test_a_row_with_one_cell_too_many_is_told_by_its_line_unless_the_cell_is_empty(tmp_path):
+    lines = rows()
+    lines[200] += ","
+    holds_the_table(lesson_of(tmp_path, text(lines=lines)))
+    lines[200] += "7.0"
+    with pytest.raises(RecordingError, match=r"line 202 has 4 cells, want 3: ragged table"):
+        lesson_of(tmp_path, text(lines=lines))

@@ -180,7 +180,9 @@ def test_a_lesson_that_ends_so_is_kept_in_its_file_with_the_reason(tmp_path, mon
 
     numbers = itertools.count()
     humanoid = makers.humanoid_plant
-    monkeypatch.setattr(makers, "humanoid_plant", lambda partner, **rest: humanoid(Lost(partner, next(numbers)), **rest))
+    monkeypatch.setattr(
+        makers, "humanoid_plant", lambda partner, *, task, **rest: humanoid(Lost(partner, next(numbers)), task=task, **rest)
+    )
     words = "comanip teach --plant humanoid --role leader --lessons 3 -o".split()
     monkeypatch.setattr(sys, "argv", [*words, str(tmp_path), "--json"])
     monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # `main` has its own

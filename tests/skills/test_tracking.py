@@ -122,7 +122,7 @@ def test_a_leader_in_balance_with_a_pull_at_the_end_stands_firm():
     pull, nothing = np.array([-1.4]), np.zeros(1)
     for _ in range(800):
         pace.step(hand, pull)
-        compliance.step(LEADER, pull, pace.velocity, nothing, pace.going)
+        compliance.step(LEADER, pull, pace.velocity, nothing, going=pace.going)
         hand = hand + DT * (pace.velocity + compliance.velocity)
     assert abs(float(hand[0] - reference.position[-1][0])) < 0.004
 

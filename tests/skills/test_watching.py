@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from comanip.safety.detectors import Jump, LetGo, Pushed, Shaking, Sinking, Stuck
+from envelopes import Bench
 
 DT, WEIGHT = 0.01, 9.8
 
@@ -187,3 +188,46 @@ def test_a_steady_pull_is_no_shaking():
     for _ in range(400):
         shaking.step([10.0], DT)
     assert shaking.amplitude < 0.1
+
+
+def standing(newtons, seconds=1.5):
+    """Where a hand that has sunk, and stands, is after so long with this much on it, of 12 N that the whole object adds."""
+    bench, rng = Bench(), np.random.default_rng(0)
+
+    def carried(force, wish, n):
+        for _ in range(n):
+            bench.tick(wish, force, sensor_force=force - 12.0 + rng.normal(0.0, 0.01))
+
+    carried(0.0, 0.0, 60)
+    carried(0.0, -0.02, 5)  # in motion, where no jump is looked for
+    while not bench.held and bench.time < 3.0:
+        carried(-6.0, -0.1, 1)
+    assert bench.held.startswith("let go or loaded")
+    carried(newtons, 0.0, round(seconds / DT))
+    return bench.envelope.mode, bench.skill.resets
+
+
+def test_a_hand_that_sank_goes_on_with_somebody_who_carries_or_pulls_harder_and_not_under_the_object():
+    assert standing(-6.0) == ("RUN", 2)
+    assert standing(-16.0) == ("RUN", 2)
+    assert standing(-12.0) == ("HOLD", 1)
+    assert standing(-9.0) == ("HOLD", 1)
+    assert standing(-6.0, seconds=0.4) == ("HOLD", 1)
+
+
+def test_who_was_taken_for_nobody_is_asked_again_sooner_the_first_time():
+    said = []
+    for mistakes in range(4):
+        watch = LetGo(1, DT, alone_n=2.2, alone_s=0.15, steady_n_s=8.0, stands_m_s=0.06)
+        for _ in range(30):
+            watch.weigh([-WEIGHT], [0.0], [0.0], True)
+        for _ in range(mistakes):
+            watch.mistaken()
+        n = 0
+        while True:
+            n += 1
+            watch.weigh([-2.0 * WEIGHT], [-WEIGHT], [0.0], False)
+            if watch.step(0.1, DT):
+                break
+        said.append(n * DT)
+    assert np.diff(said) == pytest.approx([0.3, 2.55, 0.0], abs=0.02)

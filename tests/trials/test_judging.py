@@ -11,6 +11,7 @@ import pytest
 from comanip.interfaces import STANDARD_GRAVITY
 from comanip.recording import Channel, Recording
 from comanip.trials import Bounds, Case, bounds, judge
+from comanip.trials.judging import NOTICED_S
 from lifts import minimum_jerk
 
 DT = 0.01
@@ -91,6 +92,42 @@ def test_numbers_of_a_known_run():
     assert verdict.tilt_deg == pytest.approx(1.5, rel=0.01)
     assert verdict.duration_s == pytest.approx(1.33, abs=0.02)  # 30 of 31 cm of a minimum jerk of 2 s
     assert np.isnan(verdict.role_right)
+
+
+@pytest.mark.parametrize(
+    ("after_s", "said"), [(-0.02, ()), (0.02, ("letting go not noticed",)), (2.0, ("letting go not noticed",))]
+)
+def test_letting_go_is_noticed_half_a_second_after_the_hand_is_gone_and_not_later(after_s, said):
+    recording = run_of(LETS_GO, duration=1.0, height=0.04, starts=1.9)
+    t = recording["hand.position"].time
+    at = LETS_GO.event_s + LETS_GO.within_s + NOTICED_S + after_s
+    mode = Channel(t, np.where(t >= at - 1e-9, 2.0, 0.0))
+    assert judge(LETS_GO, recording.with_channels({"skill.mode": mode}), taught_ends_m=ENDS).failures == said
+
+
+def beside_the_load(mine, theirs):
+    """(internal force [N], share of effort) of a lift in which both hands do more than the load asks [N]."""
+    recording = run_of(FOLLOWING)
+    half, t = 0.5 * FOLLOWING.beam_mass_kg, recording["hand.position"].time
+    inertia = half * recording["hand.acceleration"].values[:, 0]
+    true = Channel(t, inertia - mine)
+    partner = Channel(t, half * STANDARD_GRAVITY + theirs * np.ones_like(t))
+    verdict = judge(FOLLOWING, recording.with_channels({"hand.true_force": true, "partner.force": partner}), taught_ends_m=ENDS)
+    return verdict.internal_force_n, verdict.effort_share
+
+
+def test_what_moves_the_load_is_neither_internal_force_nor_effort():
+    """Each hand carries half the weight and accelerates half the mass: beyond that the robot does nothing here."""
+    assert beside_the_load(0.0, 0.0) == pytest.approx((0.0, 0.5), abs=1e-9)
+    internal, share = beside_the_load(0.0, 3.0)
+    assert internal == pytest.approx(0.0, abs=1e-9)
+    assert share == pytest.approx(0.0, abs=1e-9)
+
+
+def test_two_who_push_against_each_other_press_by_the_smaller_force_and_share_by_squares():
+    assert beside_the_load(6.0, -4.0) == pytest.approx((4.0, 36.0 / 52.0), rel=1e-6)
+    assert beside_the_load(-2.0, 5.0) == pytest.approx((2.0, 4.0 / 29.0), rel=1e-6)
+    assert beside_the_load(6.0, 4.0) == pytest.approx((0.0, 36.0 / 52.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("patience", [0.2, 0.4])

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from cyclopts import App, CycloptsError, Group, Parameter
 
 from .. import __version__, parts
+from . import on_the_page
 from .flags import BackendFlags, DataFlags, LearnedLaw, LearnFlags
 
 app = App(
@@ -263,9 +264,7 @@ def export(
     skill: Annotated[list[Path], Parameter(consume_multiple=True)],
     /,
     *,
-    to: Annotated[
-        ExportTarget, Parameter(help="c: one C99 file and its header; ctypes: a module beside it; ros2-control: a package.")
-    ] = "c",
+    to: Annotated[ExportTarget, Parameter(help="c, ctypes, ros2-control: source without Python; page: HTML to lift on.")] = "c",
     role: Annotated[
         Literal["leader", "follower", "auto"] | None,
         Parameter(help="auto: the robot is told nothing; give skills of both roles."),
@@ -280,6 +279,7 @@ def export(
     gravity: Annotated[
         str | None, Parameter(help="One number an axis [m/s^2], e.g. 0,0,-9.81; default: down the axis named z.")
     ] = None,
+    task: Annotated[str | None, Parameter(help="page: what is carried (comanip tasks), or your own .toml; default lift.")] = None,
     out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="Default: the skill's name, here.")] = None,
     overwrite: Overwrite = False,
     json: Json = False,
@@ -430,6 +430,10 @@ def tasks(
     from . import tasks as command
 
     command.tasks(names, plot, json)
+
+
+app.command(on_the_page.page)
+app.command(on_the_page.study)
 
 
 @app.command

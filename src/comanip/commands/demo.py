@@ -34,10 +34,11 @@ LAWS = ("default", "paper", "mass-damper")
 
 def demo(out: Path, seed: int, plant: str | None, overwrite: bool, json: bool) -> None:
     from ..evaluation import drawing as figures
+    from ..page import export as page_export
     from ..web import report
 
     must_draw("demo")
-    may_fill(out, ("leader.json", "follower.json", "report.html"), overwrite=overwrite)
+    may_fill(out, ("leader.json", "follower.json", "report.html", "lift.html"), overwrite=overwrite)
     say_if_slow()
     started = time.perf_counter()
     plant = plant or best_plant()
@@ -85,7 +86,9 @@ def demo(out: Path, seed: int, plant: str | None, overwrite: bool, json: bool) -
     }
     drawn = {name: figures.to_svg(f) for name, f in pictures.items()}
     words = {name: WORDS[name] for name in ("effort", "told nothing", "residual force", "ripple", "one-step R²", "free run")}
-    page = report.page(results, drawn, {r: shown[r][:2] for r in ROLES}, words=words)
+    lift = page_export.page(skills, seed=seed)
+    page = report.page(results, drawn, {r: shown[r][:2] for r in ROLES}, words=words, lift=lift)
+    write_whole(out / "lift.html", lift)
     target = out / "report.html"
     write_whole(target, page)
     results["report"] = str(target)
@@ -108,6 +111,7 @@ def demo(out: Path, seed: int, plant: str | None, overwrite: bool, json: bool) -
         f"told nothing: carried it with {round(a['success'] * a['partners'])} of {a['partners']}, some of whom lead; "
         f"knew its role in time {100 * a['role_right']:.0f} %"
     )
+    say(f"{out / 'lift.html'}: lift with the robot yourself (the report has it, too)")
     say(f"{target}: pictures, numbers and an animation of both collaborations ({results['seconds']:.0f} s)")
 
 

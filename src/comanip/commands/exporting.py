@@ -15,6 +15,7 @@ from ..learned import file as skill_file
 from ..parts import EXPORTS, known
 from ..whole_file import write_whole
 from .console import print_json, say
+from .lifting import export_page
 from .outputs import may_write
 from .running import _one_role_or_auto
 
@@ -32,10 +33,16 @@ def export(
     tare_s: float,
     force_delay_ms: float,
     gravity: str | None,
+    task: str | None,
     overwrite: bool,
     json: bool,
 ) -> None:
     target = known("target", to, EXPORTS)
+    if to == "page":
+        export_page(paths, out, task, {"--role": role, "--law": law, "--goal": goal, "--gravity": gravity}, overwrite, json)
+        return
+    if task is not None:
+        raise ParameterError(f"--task is for --to page; --to {to} takes the object by --mass-kg, --load-share and --gravity")
     skills = {path: skill_file.load(path) for path in paths}
     _one_role_or_auto(skills, role)
     out = _named(out, to, target.suffix, paths[0])
@@ -62,9 +69,8 @@ def export(
         print_json({"files": files, **found.about})
         return
     about = found.about
-    say(
-    say(f"{', '.join(files)}: {about['role']}, law {about['law']!r}, axes {', '.join(about['axes'])}")
-    )
+    axes = ", ".join(about["axes"])
+    say(f"{', '.join(files)}: {about['role']}, law {about['law']!r}, axes {axes}, a tick each {about['dt_s']:g} s")
     say(f"state {about['state_bytes']} bytes; names begin with {about['prefix']}_; nobody has tried it on a robot: docs/robot.md")
 
 

@@ -67,12 +67,12 @@ class _Line:
             self._under_way.append((now + self._delay + extra, self._number, packet))
 
     def _lost(self) -> bool:
-        """Bursts begin at random, as often as makes the share of lost packets what was asked."""
+        """Bursts begin at random, as often as makes the share of lost packets what was asked: after 1/share - 1 times as many."""
         network = self._network
         if self._losing:
             self._losing -= 1
             return True
-        if network.loss and self._rng.random() < network.loss / (1.0 - network.loss) / network.burst:
+        if network.loss and self._rng.random() < network.loss / (network.loss + network.burst * (1.0 - network.loss)):
             self._losing = network.burst - 1
             return True
         return False

@@ -25,5 +25,5 @@ def script(run: Callable[..., Sequence[Claim]]) -> None:
     about.add_argument("folder", nargs="?", type=Path, default=Path("out/figures"), help="where to draw (default: out/figures)")
     out = about.parse_args().folder
     for claim in run(out, seed=0):
-        print(f"{'pass' if claim.passed else 'FAIL'}  {claim.text}: {claim.measured:.4g} ({claim.bound})")
+        print(f"{claim.verdict}  {claim.text}: {claim.measured:.4g} ({claim.bound})")
     print(f"pictures in {out}")

@@ -134,7 +134,7 @@ def _state_doubles(n: Numbers, d: int) -> int:
     skill = (4 * d + 4) + (3 * d + 10) + (8 * d + 7) + (len(n.stations) + d + 3) + n.n_goals + (4 * d + 8 + 2 * plans)
     watch = 1 + n.heard + len(n.filter[3]) + 5
     role, sample = 12 + 2 * 6, 2 + 5 * 6 - 6
-    guard = 21 + 6 * 6 + 3 * 6 + _ledger() + 6  # and the vectors of an Axes
+    guard = 22 + 8 * 6 + 3 * 6 + _ledger() + 6  # and the vectors of an Axes
     weighed = 8 + 12 * 6
     kept = (n.sizes[0] + n.sizes[1]) * d + 1 + d * (n.late + 2)
     return skill + watch + role + sample + guard + weighed + kept + 64
@@ -157,7 +157,7 @@ def _fields(controller: Controller, n: Numbers, name: str, state: int) -> dict[s
         "HASHES": "\n *   ".join(controller.hashes), "GOALS": n.n_goals, "N_STATES": len(n.filter[3]), "HEARD": n.heard,
         "STATIONS_N": len(n.stations), "WIDTH": n.stations.shape[1], "PLANS_N": len(n.plans[4]) if n.plans else 0,
         "ALIKE": n.alike, "KEEP": _number(n.keep), "KIND": "CHANGES" if n.changes else "ALONE", "LEADS": int(n.leads),
-        "TOLD": _number(n.told), "MODEL_DT": _number(n.model_dt), "PATIENCE": n.patience, "GATE": _number(n.gate),
+        "TOLD": _number(n.told), "MODEL_DT": _number(n.model_dt), "PATIENCE": n.patience, "BESIDE": _number(n.beside), "GATE": _number(n.gate),
         "SHAKE_SHARE": _number(n.shares[0]), "PULL_SHARE": _number(n.shares[1]), "BIAS_SHARE": _number(n.shares[2]),
         "PULLS_N": n.sizes[0], "BEFORE_N": n.sizes[1], "SWING_N": n.sizes[2], "LATE_N": n.late,
         "WALLS": ", ".join(f"{{{_number(low)}, {_number(high)}}}" for low, high in n.walls),
@@ -339,10 +339,9 @@ static void lay_out(Room *room, Memory *m) {
     room->filter.log_b = room->log_b, room->filter.h = room->h;
     e->d = D, e->most_pulls = N_PULLS, e->most_before = N_BEFORE, e->swing = @SWING_N@, e->limits = LIMITS_;
     e->rules.v_max = RULES_[0], e->rules.a_max = RULES_[1], e->rules.dt = RULES_[2];
-    for (int i = 0; i < D; i++) {
-        e->low[i] = e->rules.low[i] = WALLS_[i][0];
-        e->high[i] = e->rules.high[i] = WALLS_[i][1];
-    }
+    for (int i = 0; i < D; i++) w->low[i] = WALLS_[i][0], w->high[i] = WALLS_[i][1];
+    w->beside = @BESIDE@;
+    wall_in(e, &m->guard);
     e->now = &m->guard.ledger, e->pulls = m->pulls, e->before = m->before, e->tank = &m->tank;
 }
 
@@ -366,6 +365,7 @@ void @NAME@_init(@NAME@_state *state) {
     lay_out(&room, m);
     filter_reset(&room.filter);
     m->skill[8 * D + 6] = @TOLD@;
+    copy(m->guard.low, room.whole.low, D), copy(m->guard.high, room.whole.high, D);
     m->guard.mode = MODE_HOLD, m->guard.reason = REASON_NOT_STARTED;
 }
 

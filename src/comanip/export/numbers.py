@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from math import nan
 from operator import attrgetter
 from typing import Any
 
@@ -50,6 +51,7 @@ class Numbers:
     limits: Array
     walls: Array
     rules: Array
+    beside: float  # [m] outside of the walls that it may begin, NaN for none
     sizes: tuple[int, int, int]  # most pulls, most before, swing
     weighing: tuple[Any, ...]
     late: int
@@ -90,6 +92,7 @@ def numbers_of(controller: Controller) -> Numbers:
         limits=limits,
         walls=np.array(envelope._walls, dtype=float),
         rules=rules,
+        beside=nan if envelope.limits.begins_beside_m is None else envelope.limits.begins_beside_m,
         sizes=sizes,
         weighing=weighing,
         late=late,

@@ -29,7 +29,7 @@ from ..reproduction import enveloped
 from ..tasks import Task, named
 from ..trials.cases import TASK, Case, partner_of
 from ..trials.foreign import stated_by
-from ..trials.judging import DIVERGED, MOVED_M, Bounds, Verdict, bounds, judge
+from ..trials.judging import DIVERGED, MOVED_M, Bounds, Verdict, bounds, end_error, judge, partners_goal
 from ..trials.people import USUAL, criteria_of, judged, person_of
 from ..trials.running import clearance, estimator_for, plant_for, told_goal
 from ..trials.sight import Seen, Sight, Told
@@ -38,6 +38,7 @@ from .draw import MISBEHAVING, kinds
 
 EFFORT_N, ROUGH_M_PER_S2 = 5.0, 2.0  # at which a part costs 1 a second
 SUCCESS, LOST = 10.0, -3.0  # once; a second that is left
+STANDS_M_PER_S, NEAR_M = 1e-4, 1e-3  # slower is at rest; so much beyond the judge's bound a resting hand has missed for certain
 LEAST_ROWS = 20  # of fewer no force can be smoothed: why it stopped is all that is said
 
 
@@ -138,18 +139,18 @@ class Episode:
         """What each tick asks again."""
         case, setting = self.case, self.setting
         self.within: Bounds = criteria_of(case).within if setting.by_kind else bounds(case)
-        self._onset = float(self.stated.get("onset_s", case.onset_s))
-        self._start, self._tilt = case.start_m.tolist(), radians(self.within.tilt_deg)
-        self._size = max(case.task.size_m, 1e-3)
+        self.onset_s = float(self.stated.get("onset_s", case.onset_s))
+        self.start, self.tilt_rad = case.start_m.tolist(), radians(self.within.tilt_deg)
+        self.size_m = max(case.task.size_m, 1e-3)
         # a partner who leads means to be somewhere at each moment; with one who follows, the lessons' end counts
         times: Array = np.arange(1.0, self.most + 2.0) * setting.dt
-        self._meant = (case.start_m + case.course.sampled(times) if case.leads else self._taught_end()[None]).tolist()
+        self.meant = (case.start_m + case.course.sampled(times) if case.leads else self.taught_end()[None]).tolist()
         self._truth = self.loop.plant.channels["hand.true_force"][0]
         self._tilts = self.loop.plant.channels["beam.tilt"][0]
-        self._sent = [0.0] * len(case.axes)
-        self._moved = False
+        self.sent = [0.0] * len(case.axes)
+        self.moved = False
 
-    def _taught_end(self) -> Array:
+    def taught_end(self) -> Array:
         """(d,) [m] where lessons ended on average, of the goal that is led to."""
         goal = told_goal(self.case)
         if goal is not None:
@@ -170,7 +171,10 @@ class Episode:
 
     def tick(self) -> Parts:
         """One control period under what was told last; the parts of its reward. After the last one `over` is True."""
-        reason = self.loop.act()
+        return self.after(self.loop.act())
+
+    def after(self, reason: str) -> Parts:
+        """What is left of a tick when the command was sent."""
         self.ticks += 1
         if not reason and self.ticks < self.most:
             self.loop.advance()
@@ -181,27 +185,42 @@ class Episode:
     def worth(self, reason: str = "") -> Parts:
         """The parts of this tick's reward; `reason`: why the run stops here, before its time."""
         dt, obs, sent = self.setting.dt, self.loop.obs.position.tolist(), self.loop.command.velocity.tolist()
-        meant = self._meant[min(self.ticks, len(self._meant)) - 1]
-        apart = hypot(*[x - m for x, m in zip(obs, meant, strict=True)]) / self._size
+        meant = self.meant[min(self.ticks, len(self.meant)) - 1]
+        apart = hypot(*[x - m for x, m in zip(obs, meant, strict=True)]) / self.size_m
         force = hypot(*self._truth.tolist()) / EFFORT_N
-        change = hypot(*[v - w for v, w in zip(sent, self._sent, strict=True)]) / dt / ROUGH_M_PER_S2
-        self._sent, end = sent, 0.0
+        change = hypot(*[v - w for v, w in zip(sent, self.sent, strict=True)]) / dt / ROUGH_M_PER_S2
+        self.sent, end = sent, 0.0
         if reason or self.ticks >= self.most:
             end = self.finish(reason)
         return Parts(-dt * least(apart, 1.0), -dt * least(force * force, 1.0), -dt * least(change * change, 1.0), end)
 
     def lost(self) -> str:
         """Why the judge can only call this run lost already; empty where it is open."""
-        gone = hypot(*[x - s for x, s in zip(self.loop.obs.position.tolist(), self._start, strict=True)])
+        gone = hypot(*[x - s for x, s in zip(self.loop.obs.position.tolist(), self.start, strict=True)])
         if not gone < inf or self.loop.plant.stop_reason:
             return "diverged"
         if gone > MOVED_M:
-            if self.within.waits and not self._moved and self.loop.obs.time < self._onset:
+            if self.within.waits and not self.moved and self.loop.obs.time < self.onset_s:
                 return "moved before the partner"
-            self._moved = True
-        elif not self._moved and self.time_s > self.within.starts_by_s:
+            self.moved = True
+        elif not self.moved and self.time_s > self.within.starts_by_s:
             return "did not start in time"
-        return "beam not level" if hypot(*self._tilts.tolist()) > self._tilt else ""
+        if hypot(*self._tilts.tolist()) > self.tilt_rad:
+            return "beam not level"
+        return self._stopped_short() if self.mode == "HOLD" else ""
+
+    def _stopped_short(self) -> str:
+        """A fault of the envelope lasts until somebody re-arms, and nobody does here: a hand that stands elsewhere has missed."""
+        within, obs = self.within, self.loop.obs
+        stands = not self.skill.passes and hypot(*self.sent, *obs.velocity.tolist()) < STANDS_M_PER_S  # type: ignore[attr-defined]
+        if not stands or not within.goal:
+            return ""
+        ends = self.learned["leader"].ends if "leader" in self.learned else None
+        goal = self.stated.get("goal_m", partners_goal(self.case))
+        off = end_error(self.case, within, goal, obs.position - self.case.start_m, ends)
+        if not off > within.end_m + NEAR_M:
+            return ""
+        return "missed the partner's goal" if within.goal == "partner's" else f"missed the taught {self.case.task.end_is}"
 
     def finish(self, reason: str) -> float:
         """The verdict, and what the end is worth."""

@@ -93,7 +93,7 @@ class CarryPair(pettingzoo.ParallelEnv):  # type: ignore[name-defined]
         case = asked_case(known) or next_case(one.role, one.people, self._rng, task=one.task, misbehaving=0.0)
         self._end, person = self._partner(case)
         self.episode = Episode(one, case, self._learned, partner=person)
-        self._sight = Sight(self.seen, np.zeros(self.seen.n_axes) if case.leads else self.episode._taught_end())
+        self._sight = Sight(self.seen, np.zeros(self.seen.n_axes) if case.leads else self.episode.taught_end())
         self._sight.begin(self.episode.loop.obs)
         self.agents = list(self.possible_agents)
         who = "follower" if case.leads else "leader"
@@ -126,7 +126,7 @@ class CarryPair(pettingzoo.ParallelEnv):  # type: ignore[name-defined]
             "onset_s": min(self._end.first_s, episode.case.run_s),
             "stop_s": min(self._end.last_s, episode.case.run_s),
         }
-        episode._onset = self._end.first_s
+        episode.onset_s = self._end.first_s
         parts = episode.tick()
         self._sight.look(episode.loop.obs)
         reward, over = sum(parts), episode.over

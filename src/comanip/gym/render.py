@@ -41,7 +41,7 @@ def picture(episode: Episode) -> Picture:
         return 90.0 + PIXELS_PER_M * (along_m + sideways), HEIGHT - 70.0 - PIXELS_PER_M * float(moved[up])
 
     hand, far = at(obs.position, 0.0), at(plant.channels["partner.position"][0], length)
-    meant = np.array(episode._meant[min(episode.ticks, len(episode._meant) - 1)])
+    meant = np.array(episode.meant[min(episode.ticks, len(episode.meant) - 1)])
     _disc(image, at(meant, 0.0), 9.0, MEANT)
     _line(image, hand, far, 5.0, BEAM)
     _disc(image, hand, 10.0, ROBOT)

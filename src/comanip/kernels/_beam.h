@@ -161,6 +161,7 @@ static int period(Beam *b, double time, const double *commanded, double *shown) 
     return 1;
 }
 
+#ifdef PY_VERSION_HEX /* else for the page, which has no Python (page/page.c) */
 /* -------------------------------------------------------------------------------------------------- Python object */
 
 typedef struct {
@@ -302,3 +303,4 @@ static PyMethodDef beam_methods[] = {
 };
 static PyType_Slot beam_slots[] = {{Py_tp_new, beam_new}, {Py_tp_dealloc, beam_dealloc}, {Py_tp_methods, beam_methods}, {0, NULL}};
 static PyType_Spec beam_spec = {"comanip.kernels._native.Beam", sizeof(Beams), 0, Py_TPFLAGS_DEFAULT, beam_slots};
+#endif

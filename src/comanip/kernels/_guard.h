@@ -40,16 +40,19 @@ enum { REASONS(ITS_REASON) N_REASONS };
 #define MODE_HOLD 2
 
 /* as in safety/detectors.py and safety/situation.py */
-#define AGAIN_AS_LONG 20.0
+#define STANDS_M_S 1e-9
 #define ANSWER_N 0.7
 #define SAME_LOW 0.7
 #define SAME_HIGH 1.3
 #define LONGEST_WAIT_S 8.0
 
+static const double AGAIN_AS_LONG[3] = {1.0, 3.0, 20.0}; /* AGAIN of safety/detectors.py */
+
 typedef struct {
-    double mode, reason, value, passes, passed, passed_s, wait_s, bound, feels_s, ran, first, known, ticks, confidence;
+    double mode, reason, value, passes, passed, passed_s, wait_s, sinks_wait_s, bound, feels_s, ran, first, known, ticks, confidence;
     double mistaken, pending, jumped, jump_count, jump_for_s, fresh, late; /* of LetGo, of Jump, of this tick */
     Axes cause, pulled, at_first, before_jump, jump, jump_sum;
+    Axes low, high; /* the walls, around where it began */
     Axes wish[3]; /* what the skill commands: position, velocity, acceleration */
     Ledger ledger;
 } Guard;
@@ -128,7 +131,7 @@ static inline void restart(const Envelope *e, Guard *g, double time, const doubl
     g->mode = MODE_RUN, g->reason = REASON_NONE, g->value = NAN;
     g->passes = g->passed = g->passed_s = g->feels_s = g->ticks = g->mistaken = g->pending = 0.0;
     g->first = g->known = g->confidence = 1.0;
-    g->wait_s = e->limits.passed_s, g->bound = INFINITY;
+    g->wait_s = e->limits.passed_s, g->sinks_wait_s = 0.5 * e->limits.passed_s, g->bound = INFINITY;
     fill(g->cause, 0.0, d), fill(g->pulled, 0.0, d), fill(g->at_first, 0.0, d);
     l->time = l->stamp = time, l->energy = e->limits.energy;
     copy(l->x, position, d), copy(l->sent, position, d), copy(l->at, position, d);
@@ -330,7 +333,7 @@ static inline int carries_alone(const Envelope *e, Guard *g, double speed, doubl
         alone = (length(pull, d) < near && still) || (length(slow, d) < near && moves && still);
     }
     l->for_s = alone ? l->for_s + period : 0.0;
-    return l->for_s > (g->mistaken != 0.0 ? AGAIN_AS_LONG : 1.0) * limits->alone_s;
+    return l->for_s > AGAIN_AS_LONG[(int)least(g->mistaken, 2.0)] * limits->alone_s;
 }
 
 /* Sinking.step and Envelope._sink */
@@ -351,7 +354,10 @@ static inline void sink(const Envelope *e, Guard *g, const double *taught, doubl
         l->sunk = l->again_s < AGAIN_S ? l->sunk + counts * most(down - l->led, 0.0) * period : 0.0;
     }
     l->sinks_s = l->again_s < AGAIN_S && l->sunk > SUNK * e->limits.sink_m ? l->sinks_s + period : 0.0;
-    if (l->sinks_s > SINKS_S) hold_for(g, d, REASON_SINKS, NAN, INFINITY);
+    if (l->sinks_s > SINKS_S) {
+        hold_for(g, d, REASON_SINKS, NAN, INFINITY);
+        g->sinks_wait_s = least(2.0 * g->sinks_wait_s, LONGEST_WAIT_S);
+    }
 }
 
 /* Pushed.step */
@@ -452,10 +458,10 @@ static inline void feel(const Envelope *e, Guard *g, const double *taught, doubl
     if (length(pull, d) < least(e->limits.alone_n, ALONE_SHARE * load_of(l, d)) && apart(pull, g->pulled, d) < ANSWER_N) {
         hold_for(g, d, REASON_GONE, NAN, INFINITY);
     } else if (length(l->force, d) < 0.5 * load_of(l, d)) {
-        g->reason = REASON_BLOCKED, g->value = NAN, g->mistaken = 1.0;
+        g->reason = REASON_BLOCKED, g->value = NAN, g->mistaken += 1.0;
     } else {
         forget_pulls(l);
-        g->mistaken = 1.0;
+        g->mistaken += 1.0;
         goes_on(g, d, REASON_GONE);
     }
 }
@@ -470,8 +476,13 @@ static inline int recovers(const Envelope *e, Guard *g, const Seen *seen, double
     int over = still < least(least(limits->pull_n, g->bound), weighs_something ? 0.5 * load : limits->pull_n);
     double value;
     if (reason == REASON_LET_GO) over = length(l->force, d) > 3.0 * limits->let_go_n;
+    double wait_s = reason == REASON_BLOCKED ? g->wait_s : limits->passed_s;
+    if (reason == REASON_SINKS && !over) {
+        const double hangs = dot(l->force, l->weight, d) / load;
+        over = !((1.0 - ALONE_SHARE) * load < hangs && hangs < load + limits->alone_n), wait_s = g->sinks_wait_s;
+    }
     g->passed_s = over && g->known != 0.0 && g->feels_s <= 0.0 ? g->passed_s + period : 0.0;
-    if (g->passed_s <= (reason == REASON_BLOCKED ? g->wait_s : limits->passed_s)) return 0;
+    if (g->passed_s <= wait_s) return 0;
     return !((g->mode == MODE_HOLD && length(l->v, d) > 0.0) || problem_of(e, seen, &value));
 }
 
@@ -537,7 +548,7 @@ static inline void clip(const Envelope *e, Guard *g, double period, double *velo
     }
     if (g->mode != MODE_HOLD && clipped(e, l, l->asked, velocity)) return;
     const double speed = length(l->v, d), left = speed - e->limits.a_max * period;
-    for (int i = 0; i < d; i++) velocity[i] = left > 0.0 ? l->v[i] * (left / speed) : 0.0;
+    for (int i = 0; i < d; i++) velocity[i] = left > STANDS_M_S ? l->v[i] * (left / speed) : 0.0;
 }
 
 /* Envelope._write */

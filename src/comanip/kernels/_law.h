@@ -218,34 +218,13 @@ static inline void pace(Law *l, const double *x, const double *force) {
     }
 }
 
-/* CollaborativeSkill._as_foreseen */
-static inline void as_foreseen(const Law *l, const double *force, double *foreseen) {
-    const Foresight *f = &l->foresight;
-    const double along = dot(force, f->velocity, l->d) / most(length(f->velocity, l->d), 1e-3);
-    const double share = l->law.foresight * f->told[SURE] * within((along + 2.0) / 1.5, 0.0, 1.0);
-    const double damped = l->law.moving_damping / l->law.mass;
-    for (int i = 0; i < l->d; i++) foreseen[i] = share * (f->acceleration[i] + damped * f->velocity[i]);
-}
-
-/* CollaborativeSkill._anticipate */
-static inline void anticipate(Law *l, const double *x, const double *force, double *foreseen) {
-    const Numbers *law = &l->law;
+/* foresight.anticipated */
+static inline void anticipated(const Law *l, const Numbers *law, const double *force, double *foreseen) {
     const int d = l->d;
+    const Table *t = l->tables + (int)*l->where.goal;
+    const double s = *l->where.phase, speed = length(l->compliance, d);
     double now[MOST_AXES], ahead[MOST_AXES];
     for (int i = 0; i < d; i++) foreseen[i] = 0.0;
-    locate(l, x, l->compliance);
-    const Table *t = l->tables + (int)*l->where.goal;
-    const double before = l->shown_clock[PHASE], s = *l->where.phase, speed = length(l->compliance, d);
-    l->shown_clock[RATE] = (s - before) / l->dt;
-    l->shown_clock[PHASE] = s;
-    that_way(t, d, x, l->compliance, l->taught);
-    if (l->foresight.plans && l->foresight.told[AWAKE] != 0.0) {
-        foresee(&l->foresight, l->tables, d, l->dt, x, l->compliance);
-        if (l->foresight.told[AWAKE] != 0.0) {
-            as_foreseen(l, force, foreseen);
-            return;
-        }
-    }
     if (speed < 0.02) return;
     row_at(t, t->velocity, d, s, now);
     const double usual = most(length(now, d), 0.03);
@@ -258,6 +237,33 @@ static inline void anticipate(Law *l, const double *x, const double *force, doub
     agreement *= within((dot(force, foreseen, d) / most(asked, 1e-9) + 1.0) / 2.0, 0.0, 1.0);
     agreement *= law->anticipation / most(asked / MOST_FORESEEN, 1.0);
     for (int i = 0; i < d; i++) foreseen[i] = agreement * foreseen[i];
+}
+
+/* CollaborativeSkill._as_foreseen */
+static inline void as_foreseen(const Law *l, const double *force, double *foreseen) {
+    const Foresight *f = &l->foresight;
+    const double along = dot(force, f->velocity, l->d) / most(length(f->velocity, l->d), 1e-3);
+    const double share = l->law.foresight * f->told[SURE] * within((along + 2.0) / 1.5, 0.0, 1.0);
+    const double damped = l->law.moving_damping / l->law.mass;
+    for (int i = 0; i < l->d; i++) foreseen[i] = share * (f->acceleration[i] + damped * f->velocity[i]);
+}
+
+/* CollaborativeSkill._anticipate */
+static inline void anticipate(Law *l, const double *x, const double *force, double *foreseen) {
+    const int d = l->d;
+    locate(l, x, l->compliance);
+    const double before = l->shown_clock[PHASE];
+    l->shown_clock[RATE] = (*l->where.phase - before) / l->dt;
+    l->shown_clock[PHASE] = *l->where.phase;
+    that_way(l->tables + (int)*l->where.goal, d, x, l->compliance, l->taught);
+    if (l->foresight.plans && l->foresight.told[AWAKE] != 0.0) {
+        foresee(&l->foresight, l->tables, d, l->dt, x, l->compliance);
+        if (l->foresight.told[AWAKE] != 0.0) {
+            as_foreseen(l, force, foreseen);
+            return;
+        }
+    }
+    anticipated(l, &l->law, force, foreseen);
 }
 
 /* collaborate._beyond */

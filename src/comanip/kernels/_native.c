@@ -1268,11 +1268,21 @@ static PyObject *envelope_act(PyObject *object, PyObject *const *args, Py_ssize_
     return PyBool_FromLong(act(&self->envelope, (const double *const *)arrays, arrays + 3));
 }
 
+#if !defined(__clang__)
+#pragma GCC push_options
+#pragma GCC optimize("fp-contract=off")
+#endif
+#include "_carry.h"
+#if !defined(__clang__)
+#pragma GCC pop_options
+#endif
+
 /* --------------------------------------------------------------------------------------------------------- module */
 
 static const Layout LAYOUTS[] = {
     {"wrist", WRIST(ITS_NAME)}, {"person", HUMAN(ITS_NAME)}, {"along", ALONG(ITS_NAME)}, {"end", END(ITS_NAME)}, {"law", LAW(ITS_NAME)},
     {"policy", POLICY(ITS_NAME)}, {"limits", LIMITS(ITS_NAME)}, {"scalars", SCALARS(ITS_NAME)}, {"vectors", VECTORS(ITS_NAME) CHECKED(ITS_NAME)},
+    {"carry", CARRY(ITS_NAME)}, {"felt", FELT(ITS_NAME)},
 };
 
 static PyObject *layouts(PyObject *self, PyObject *none) {
@@ -1325,6 +1335,7 @@ static PyMethodDef functions[] = {
     {"mixture", mixture, METH_VARARGS, "Moments of a mixture and the log-likelihood of all frames."},
     {"decode", decode, METH_VARARGS, "Viterbi paths of sequences, and their log-probabilities."},
     {"rollouts", rollouts, METH_VARARGS, "Many roll-outs of a learned velocity law; False when one is not finite."},
+    {"carry", carry_each, METH_VARARGS, "One tick of each of many runs of the gym; says which are for the Python."},
     {"layouts", layouts, METH_NOARGS, "Shared blocks of numbers: block -> names in the order of memory."},
     {"levels", levels, METH_NOARGS, "Instruction sets that run here, fastest first."},
     {"level", level, METH_NOARGS, "The instruction set in use."},
@@ -1376,14 +1387,16 @@ static PyType_Spec envelope_spec = {"comanip.kernels._native.Envelope", sizeof(E
 static int start(PyObject *module) {
     for (int i = N_LEVELS - 1; i >= 0; i--)
         if (runs_here(LEVELS[i])) active = LEVELS[i];
-    PyType_Spec *const specs[] = {&filter_spec, &lines_spec, &law_spec, &envelope_spec, &waiting_spec, &beam_spec, &rows_spec};
+    PyType_Spec *const specs[] = {&filter_spec, &lines_spec, &law_spec, &envelope_spec, &waiting_spec, &beam_spec, &rows_spec, &carry_spec};
     for (size_t i = 0; i < sizeof specs / sizeof *specs; i++) {
         PyObject *type = PyType_FromSpec(specs[i]);
         if (!type || PyModule_AddType(module, (PyTypeObject *)type) < 0) {
             Py_XDECREF(type);
             return -1;
         }
-        if (specs[i] == &filter_spec) filter_type = (PyTypeObject *)type; /* and its reference */
+        PyTypeObject **known = specs[i] == &filter_spec ? &filter_type : specs[i] == &beam_spec ? &beam_type
+            : specs[i] == &envelope_spec ? &envelope_type : specs[i] == &carry_spec ? &carry_type : NULL;
+        if (known) *known = (PyTypeObject *)type; /* and its reference */
         else Py_DecRef(type);
     }
     return 0;

@@ -46,11 +46,13 @@ static inline int follow_on(Law *l, const double *x, const double *felt, double 
     copy(l->position, x, d);
     copy(l->pull, pull, d);
     *l->rest_s = rest_s, *l->moved = moved;
+    double foreseen[MOST_AXES];
+    anticipated(l, &l->following, force, foreseen);
     for (int i = 0; i < d; i++) {
         if (resting && !moved) l->bias[i] += l->bias_share * pull[i];
         force[i] -= l->shown_expected[i];
     }
-    comply(l, &l->following, force, length(l->compliance, d), untaught(l->compliance, l->taught, d), nothing);
+    comply(l, &l->following, force, length(l->compliance, d), untaught(l->compliance, l->taught, d), foreseen);
     send(l, &l->following, x, nothing, out);
     return 1;
 }

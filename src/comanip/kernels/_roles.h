@@ -125,7 +125,6 @@ static inline void led_by(Law *l, Role *r, const double *x, const double *force,
 
 /* RoleSkill._step, of finite numbers */
 static inline void act_by_role(Law *l, Role *r, const double *x, const double *felt, double *const out[3]) {
-    const double nothing[MOST_AXES] = {0};
     const int d = l->d;
     double change = l->dt / l->policy.blend_s;
     Axes force, reference = {0}, excess, both;
@@ -154,8 +153,11 @@ static inline void act_by_role(Law *l, Role *r, const double *x, const double *f
     for (int i = 0; i < d; i++) excess[i] = force[i] - l->shown_expected[i], both[i] = l->compliance[i] + reference[i];
     const double moving = (int)r->acts == LEADS ? most(length(both, d), r->meant * l->clock[GOING])
                                                 : most(most(length(l->compliance, d), length(reference, d)), 0.0);
-    const double astray = (int)r->acts == FOLLOWS && r->complies_only == 0.0 ? untaught(l->compliance, l->taught, d) : 0.0;
-    comply(l, law, excess, moving, astray, nothing);
+    const int follows = (int)r->acts == FOLLOWS && r->complies_only == 0.0;
+    const double astray = follows ? untaught(l->compliance, l->taught, d) : 0.0;
+    Axes ahead = {0};
+    if (follows && r->blend == 0.0) anticipated(l, law, force, ahead);
+    comply(l, law, excess, moving, astray, ahead);
     send(l, law, x, reference, out);
 }
 

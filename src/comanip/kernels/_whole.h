@@ -11,6 +11,8 @@ typedef struct { /* CollaborativeSkill or RoleSkill with its parts, laid over a 
     Role *role;
     Envelope envelope;
     Guard *guard;
+    double beside;            /* [m] as Limits.begins_beside_m, NaN for none */
+    Axes low, high;           /* the walls as they are stated */
     const Weighing *weighing;
     Weighed *weighed;
     double *past;
@@ -52,8 +54,27 @@ static inline void think(Whole *w, const double *position, const double *felt, d
     else (void)follow(l, x, force, out, 1, is_whole);
 }
 
+/* The walls of `g`, as the envelope and its checker see them */
+static inline void wall_in(Envelope *e, const Guard *g) {
+    copy(e->low, g->low, e->d), copy(e->high, g->high, e->d);
+    copy(e->rules.low, g->low, e->d), copy(e->rules.high, g->high, e->d);
+}
+
+/* Envelope._enclose */
+static inline void enclose(Whole *w, const double *x) {
+    const int d = w->law.d;
+    int near = 1;
+    for (int i = 0; i < d; i++) near &= most(w->low[i] - x[i], x[i] - w->high[i]) <= w->beside;
+    for (int i = 0; i < d; i++) {
+        w->guard->low[i] = near ? least(w->low[i], x[i]) : w->low[i];
+        w->guard->high[i] = near ? most(w->high[i], x[i]) : w->high[i];
+    }
+    wall_in(&w->envelope, w->guard);
+}
+
 /* Envelope._begin after what was wrong with the observation; the reason why it does not */
 static inline int begin_at(Whole *w, const Sample *s, int resumes) {
+    if (!resumes) enclose(w, s->position);
     restart(&w->envelope, w->guard, s->time, s->position);
     enter_skill(w, s->position, resumes);
     w->guard->ran = 1.0;
@@ -68,6 +89,7 @@ static inline void begin_whole(Whole *w, Sample *s) {
     estimate_reset(w->weighing, w->weighed);
     estimate(w->weighing, w->weighed, w->past, s->velocity, s->sensed, s->force);
     const Seen seen = seen_of(w, s);
+    enclose(w, s->position);
     const int refused = problem_of(&w->envelope, &seen, &value);
     g->ran = 0.0;
     for (int n = 0; n < 3; n++) fill(g->wish[n], 0.0, w->law.d);

@@ -58,6 +58,14 @@ BLOCKS: dict[str, tuple[str, ...]] = {
         "_stuck.last", "_stuck.same_s", "_stuck._same_m", "_stuck._changes", "_stuck._least", "_stuck._usual", "_stuck._dead",
         "_jump.last", "_shaking._slow", "_checker.at", "_checker.last",
     ),  # the same, (d,) each
+    "carry": (
+        "dt_s", "noise_n", "bias_n", "half_mass_kg", "sums", "fastest_m_per_s", "good_s", "average", "late_ticks", "blend",
+        "size_m", "effort_n", "rough_m_per_s2", "ends_early", "waits", "onset_s", "starts_by_s", "tilt_rad", "moved_m",
+    ),  # of a run of the gym (gym.compiled)
+    "felt": (
+        "gravity", "load_kg", "offset_n", "b0", "b1", "b2", "a1", "a2", "s1", "s2", "started", "velocity", "force", "elapsed",
+        "sample", "age",
+    ),  # of each axis: interaction.CausalInteractionForce, lent
 }  # fmt: skip
 
 

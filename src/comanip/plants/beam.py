@@ -251,6 +251,16 @@ class BeamPlant(Copied):
                 axis.position, axis.velocity, axis.acceleration, axis.tilt, _, _, axis.sensor_force, *_ = numbers
         self.time += self.dt
 
+    def draws_from(self, rng: Any) -> None:
+        """Sensor and person draw from this stream of normal numbers, until the next reset."""
+        self._rng = self._noise = rng
+
+    def catch_up(self, time: float) -> None:
+        """After periods that somebody else let the compiled beam pass (`kernels.native.carry`), up to `time` [s]."""
+        for axis, numbers in zip(self._state, self._ends.T.tolist(), strict=True):
+            axis.position, axis.velocity, axis.acceleration, axis.tilt, _, _, axis.sensor_force, *_ = numbers
+        self.time = time
+
     def _advance(self) -> None:
         """The period to read."""
         total = [0.0] * len(self._state)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 from typing import Any
 
 import numpy as np
 
 from ..signals.vectors import apart, dot, length
+from .checker import Checker
 from .detectors import LIGHT_N
 from .situation import COMPLY, HOLD
 
 CREEP_M_S = 0.025  # and then creeps, until it is sure: a person's pull falls by a tenth with each few millimetres
+STANDS_M_S = 1e-9  # what braking leaves of a speed by rounding is rest
 SINK_M_S2 = 1.0  # a hand that sinks slows down softly: a stop would swing the object, which feels like an answer
 
 
@@ -30,10 +32,38 @@ class Bounds:
                     return f"{name} is {value}"
         return ""
 
+    def _book(self: Any, period: float, late: bool) -> None:
+        """Where the last command led, and what it cost at worst."""
+        limits, speed = self.limits, length(self._v)
+        way = [v * period for v in self._v]
+        if late and speed > 0.0:  # a command is valid for one period; then the low level brakes
+            braking = min(period - self._dt, speed / limits.a_max_m_per_s2)
+            far = speed * (self._dt + braking) - 0.5 * limits.a_max_m_per_s2 * braking * braking
+            way = [v / speed * far for v in self._v]
+        self._x = [x + w for x, w in zip(self._x, way, strict=True)]
+        gain = dot(self._force, way) if self._known and not late else -limits.force_limit_n * length(way)
+        self._energy = min(limits.energy_j, max(0.0, self._energy + gain))
+        if (off := apart(self._x, self._at)) > limits.drift_m and self._state != HOLD:
+            self._fault(f"does not follow: {off:.2g} m off")
+
     def _braked(self: Any, period: float) -> list[float]:
         speed = length(self._v)
         left = speed - self.limits.a_max_m_per_s2 * period
-        return [v * (left / speed) for v in self._v] if left > 0.0 else [0.0] * self._d
+        return [v * (left / speed) for v in self._v] if left > STANDS_M_S else [0.0] * self._d
+
+    def _enclose(self: Any, position: Sequence[float]) -> None:
+        """Walls around the stated ones and `position` [m], where the arm begins, if that is near enough to them."""
+        beside = self.limits.begins_beside_m
+        walls = self.limits.workspace_m or ((-inf, inf),) * self._d
+        if beside is not None and len(position) == len(walls):
+            near = [max(low - x, x - high) <= beside for x, (low, high) in zip(position, walls, strict=True)]
+            if all(near):
+                walls = tuple((min(low, x), max(high, x)) for x, (low, high) in zip(position, walls, strict=True))
+        if walls != self._walls:
+            self._take_back()
+            self._walls = walls
+            self._checker = Checker(self.limits.v_max_m_per_s, self.limits.a_max_m_per_s2, walls, self._dt)
+            self._link()
 
     def _cap(self: Any, room: float) -> float:
         """Fastest speed [m/s] from which one can brake inside `room` [m]."""

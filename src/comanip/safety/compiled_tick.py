@@ -31,10 +31,10 @@ class Ordinary:
         self._pulls, self._before = np.split(self._memory[n + rows * MOST_AXES :].reshape(-1, self._d), self._most[:1])
         numbers = np.array([*attrgetter(*LIMITS)(limits), envelope._dt, envelope._late, envelope._stale], dtype=float)
         rules = np.array([checker.v_max, checker.a_max, checker.dt, *np.ravel(checker.walls)])
-        compiled = kernels.native.Envelope(
+        self.compiled = kernels.native.Envelope(
             numbers, rules, np.array(envelope._walls), self._memory, envelope._tank, self._d, *self._most, envelope._let_go._swing
         )
-        self.sense, self.act = compiled.sense, compiled.act
+        self.sense, self.act = self.compiled.sense, self.compiled.act
         self._lent: dict[str, Any] = {}
 
     def lend(self, envelope: Any) -> None:

@@ -40,7 +40,7 @@ def _mean(rows: Iterable[Sequence[float]]) -> list[float]:
     return [dot(values, [1.0] * len(values)) / len(values) for values in zip(*rows, strict=True)]
 
 
-AGAIN = 20.0  # times as long, with a partner whose pull was taken for nobody's before; sinking still tells who lets go
+AGAIN = (1.0, 3.0, 20.0)  # times as long, with a partner whose pull was taken for nobody's never, once, more often before
 
 
 class LetGo:
@@ -63,7 +63,7 @@ class LetGo:
         self._swing = max(round(SWING_S / dt), 1)
         self._pulls: deque[list[float]] = deque(maxlen=max(round(SLOW_SWING_S / dt), 1))
         self._before: deque[list[float]] = deque(maxlen=1 + max(round(STILL_S / dt), 1))
-        self._for_s, self.was_mistaken = 0.0, False
+        self._for_s, self.was_mistaken = 0.0, 0
 
     def weigh(self, sensed: list[float], force: list[float], acceleration: list[float], at_rest: bool) -> None:
         """One good sample of F_s, F [N] and a [m/s^2]: of the object's weight, and once that is known of the partner's pull."""
@@ -81,6 +81,11 @@ class LetGo:
         """What the hand's share weighs [N]; 0 before that is known."""
         return length(self.weight) if self._weighed >= WEIGHED_TICKS else 0.0
 
+    @property
+    def weighs(self) -> bool:
+        """Whether the load is not known yet."""
+        return self._weighed < WEIGHED_TICKS
+
     def step(self, speed: float, period: float) -> bool:
         load = self.load
         alone = False
@@ -92,12 +97,12 @@ class LetGo:
             # on a softer wrist only the longer mean shows the weight; there a wall would show it too, so the hand must move
             alone = (length(pull) < near and still) or (length(slow) < near and moves and still)
         self._for_s = self._for_s + period if alone else 0.0
-        return self._for_s > (AGAIN if self.was_mistaken else 1.0) * self._alone_s
+        return self._for_s > AGAIN[min(self.was_mistaken, 2)] * self._alone_s
 
     def mistaken(self) -> None:
         """It was somebody who pulls down by about the weight, as an arm does that is led up with a light object: from now on this
         must last longer."""
-        self.was_mistaken = True
+        self.was_mistaken += 1
 
     def forget(self) -> None:
         """What was pulled so far; not the weight."""

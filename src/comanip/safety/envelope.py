@@ -28,7 +28,7 @@ from .. import kernels
 from ..errors import ParameterError
 from ..interfaces import Array, Command, Observation, Skill
 from ..kernels.copies import Copied
-from ..signals.vectors import apart, dot, length
+from ..signals.vectors import apart, length
 from .bounds import Bounds
 from .checker import Checker
 from .compiled_tick import LENT, MOST_AXES, Ordinary
@@ -198,6 +198,8 @@ class Envelope(Copied, Situation, Bounds):
     def _begin(self, obs: Observation, *, resumes: bool) -> str:
         try:
             time, position = float(obs.time), [float(x) for x in obs.position]
+            if not resumes:
+                self._enclose(position)
             problem = self._problem(obs)
         except Exception as error:
             return f"sensors: {error!r}"
@@ -229,7 +231,8 @@ class Envelope(Copied, Situation, Bounds):
         self._felt, self._at_first, self._rate, self._ticks = [0.0] * d, [0.0] * d, [0.0] * d, 0
         self._cause, self._bound, self._pulled = [0.0] * d, inf, [0.0] * d
         self._held, self._feels_s, self._sinks_s = False, 0.0, 0.0
-        self._passes, self._passed, self._passed_s, self._wait_s = False, "", 0.0, self.limits.passed_s
+        self._passes, self._passed, self._passed_s = False, "", 0.0
+        self._wait_s, self._sinks_wait_s = self.limits.passed_s, 0.5 * self.limits.passed_s
         limits = self.limits
         self._let_go = LetGo(
             d, self._dt, alone_n=limits.alone_n, alone_s=limits.alone_s, steady_n_s=limits.steady_n_s,
@@ -309,9 +312,7 @@ class Envelope(Copied, Situation, Bounds):
                 problem = self._unfit()
             except Exception as error:
                 problem = repr(error)
-            self._take_back()
-            self._heed(problem, 1.0)
-            self._send(command, self._period, True, False)
+            self._remark(problem, command)
             return
         self._take_back()
         period, fresh, late = self._clock(obs)
@@ -326,10 +327,18 @@ class Envelope(Copied, Situation, Bounds):
             self._think(obs, period, fresh)
         self._send(command, period, fresh, late)
 
+    def _remark(self, problem: str, command: Command) -> None:
+        """What is left of a tick whose observation was ordinary, and whose command is not."""
+        self._take_back()
+        self._heed(problem, 1.0)
+        self._send(command, self._period, True, False)
+
     def _lend(self) -> None:
         """To the compiled tick, while nothing is under way that only the Python knows."""
         if self._ordinary is None or self._state != RUN or self._frozen is not None or self._confidence[0] < 1.0 or self._passed:
             return
+        if self._let_go.weighs and length(self._v) < self.limits.moving_m_per_s:
+            return  # the next tick weighs, which is the Python's
         if not self._first and self._ticks >= 5 and self._jump.pending is None:
             self._ordinary.lend(self)
             self._is_lent = True
@@ -413,20 +422,6 @@ class Envelope(Copied, Situation, Bounds):
                 self._fault(f"the object weighs {self._let_go.load:.0f} N on this hand > {limits.load_n:g} N: too heavy to carry")
             if jump := self._jump.step(raw, at_rest, period):
                 self._pause(f"force jumped {jump:.1f} N at rest: sensor? tare, then re-arm", 0.5 * jump)
-
-    def _book(self, period: float, late: bool) -> None:
-        """Where the last command led, and what it cost at worst."""
-        limits, speed = self.limits, length(self._v)
-        way = [v * period for v in self._v]
-        if late and speed > 0.0:  # a command is valid for one period; then the low level brakes
-            braking = min(period - self._dt, speed / limits.a_max_m_per_s2)
-            far = speed * (self._dt + braking) - 0.5 * limits.a_max_m_per_s2 * braking * braking
-            way = [v / speed * far for v in self._v]
-        self._x = [x + w for x, w in zip(self._x, way, strict=True)]
-        gain = dot(self._force, way) if self._known and not late else -limits.force_limit_n * length(way)
-        self._energy = min(limits.energy_j, max(0.0, self._energy + gain))
-        if (off := apart(self._x, self._at)) > limits.drift_m and self._state != HOLD:
-            self._fault(f"does not follow: {off:.2g} m off")
 
     def _think(self, obs: Observation, period: float, fresh: bool) -> None:
         """The skill's wish, faded by confidence; on an old sample the last one."""

@@ -14,7 +14,8 @@ from ..errors import ParameterError
 ISO_SLOW_M_PER_S = 0.25  # reduced speed of ISO 10218-1 with a person in reach: Limits(v_max_m_per_s=ISO_SLOW_M_PER_S)
 SPEED_MARGIN = 1.6  # the fastest partners whom a skill met in trials moved 1.5 times as fast as the fastest lesson
 LED_N = 6.0  # what leads a hand under the default law, which yields to all that lasts; or, where that is more,
-LED_SHARE = 0.8  # of what led a teacher: strokes are led with more
+LED_SHARE = 1.0  # of what led a teacher: strokes are led with more
+BESIDE_M = 0.25  # from here a leader moves over to what was taught, 0.3 m with the margin of the walls
 WALL_MARGIN_M = 0.05  # beyond the learned workspace: who starts a little beside it is not refused
 
 
@@ -26,6 +27,7 @@ class Limits:
     a_max_m_per_s2: float = 10.0
     force_limit_n: float = 60.0
     workspace_m: tuple[tuple[float, float], ...] | None = None  # (lowest, highest) of each axis, may be infinite; None: as taught
+    begins_beside_m: float | None = None  # so far outside of it may the arm begin, and then that place belongs to it
     energy_j: float = 3.0  # E_0 = E_max: what the robot may give in one task; only the person or re-arming refills it
     comply_damping_ns_per_m: float = 150.0  # more than 50 ms of delay times the 2.4 kN/m of wall, object and wrist
     fade_s: float = 0.5  # from COMPLY back to RUN; the other way is at once
@@ -121,6 +123,7 @@ def as_taught(learned: Sequence[Any], limits: Limits | None = None, *, yields: b
     work_j = PULL_N * max((path.length_m for one in learned for path in one.paths), default=0.0)
     return Limits(
         workspace_m=box,
+        begins_beside_m=BESIDE_M,
         v_max_m_per_s=min(fastest, Limits.v_max_m_per_s),
         pushed_n=pushed,
         energy_j=max(Limits.energy_j, work_j),

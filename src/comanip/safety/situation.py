@@ -8,7 +8,7 @@ import numpy as np
 
 from ..interfaces import Array, Observation, Skill
 from ..signals.vectors import dot, length
-from .detectors import HANGS_N, LIGHT_N, Pushed, Sinking
+from .detectors import ALONE_SHARE, HANGS_N, LIGHT_N, Pushed, Sinking
 
 RUN, COMPLY, HOLD = 0, 1, 2
 GONE = "let go: the hand carries the whole object"
@@ -70,6 +70,7 @@ class Situation:
         self._sinks_s = self._sinks_s + period if ends else 0.0
         if self._sinks_s > SINKS_S:
             self._pause(SINKS)
+            self._sinks_wait_s = min(2.0 * self._sinks_wait_s, AGAIN_S)
 
     def _press(self: Any, speed: float, period: float) -> None:
         """Against something that does not give way; sooner while it only tries whether that has gone."""
@@ -127,8 +128,13 @@ class Situation:
         over = still < min(limits.pull_n, self._bound, 0.5 * load if weighs else limits.pull_n)
         if self._reason == LOST:
             over = length(self._force) > 3.0 * limits.let_go_n
+        wait_s = self._wait_s if self._reason == BLOCKED else limits.passed_s
+        if self._reason == SINKS and not over:
+            # of nobody the whole object weighs on a hand that stands; less or more is somebody, who carries or leads down
+            hangs = dot(self._force, self._let_go.weight) / load
+            over, wait_s = not (1.0 - ALONE_SHARE) * load < hangs < load + limits.alone_n, self._sinks_wait_s
         self._passed_s = self._passed_s + period if over and self._known and self._feels_s <= 0.0 else 0.0
-        if self._passed_s <= (self._wait_s if self._reason == BLOCKED else limits.passed_s):
+        if self._passed_s <= wait_s:
             return
         if (self._state == HOLD and length(self._v) > 0.0) or self._problem(obs):
             return

@@ -33,7 +33,7 @@ from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
 from ..signals.vectors import dot, length
 from .compliance import ABSURD, Compliance, command_velocity, untaught
-from .foresight import Foresight
+from .foresight import Foresight, anticipated
 from .reference import PhaseReference
 from .whereabouts import Whereabouts
 
@@ -41,7 +41,6 @@ ROLES = ("leader", "follower")
 FADES_S, FADES_BELOW = 1.0, 0.7  # an offset from the path fades in so long at least, and below this share of the taught top speed
 EASES_S = 0.8  # who enters where lessons were in motion comes up to their speed in this time,
 BEGINS_S = 0.3  # and where they began, in this: what counts as motion in a lesson begins at a few per cent of its speed, not at 0
-MOST_FORESEEN = 3.0  # [m/s^2] of acceleration that is anticipated; quick strokes have 2
 SAID_M = 0.05  # an offset that is worth saying
 LATEST = 1.8  # times as long as taught a leader may take: long motions at the slowest clock would outlast the partner's patience
 
@@ -392,21 +391,7 @@ class CollaborativeSkill(Copied):
             self._foresight.step(x.tolist(), velocity)
             if self._foresight.awake:
                 return self._as_foreseen(force, velocity, speed)
-        if speed < 0.02:
-            return self._nothing
-        now = reference.floats_at("velocity", s)
-        usual = max(length(now), 0.03)
-        ahead = reference.floats_at("velocity", s + law.anticipation_s * min(speed / usual, 2.0))
-        # a partner who goes another way than was taught here switches it off, and so does one who pulls against it
-        agreement = max(dot(now, velocity), 0.0) / max(length(now) * speed, 1e-9)
-        agreement *= min(speed / law.moving_speed_m_per_s, 1.0)
-        scale = min(speed / usual, 1.5)
-        foreseen = [(a - n) / law.anticipation_s * scale for a, n in zip(ahead, now, strict=True)]
-        asked = length(foreseen)
-        agreement *= min(max((dot(force.tolist(), foreseen) / max(asked, 1e-9) + 1.0) / 2.0, 0.0), 1.0)
-        agreement *= law.anticipation / max(asked / MOST_FORESEEN, 1.0)
-        for i, a in enumerate(foreseen):
-            self._foreseen[i] = agreement * a
+        self._foreseen[:] = anticipated(law, reference, s, velocity, force.tolist())
         return self._foreseen
 
     def _as_foreseen(self, force: Array, velocity: list[float], speed: float) -> Array:

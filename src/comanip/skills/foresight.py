@@ -23,7 +23,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from math import exp
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from ..interfaces import Array
 from ..kernels.copies import Copied
 from ..signals.vectors import dot, length
 from .reference import PhaseReference
+
+if TYPE_CHECKING:
+    from .collaborate import CollaborativeLaw
 
 SIZES = np.exp(np.linspace(np.log(0.5), np.log(1.4), 10))  # A, beside what was taught
 PACES = np.exp(np.linspace(np.log(0.45), np.log(1.6), 10))  # r
@@ -54,6 +57,7 @@ ALONG = 0.7  # share of it along the path
 AT_START = 0.02  # share of the duration
 RESTS_M_PER_S, RESTS_S = 0.015, 0.4
 MOST_PACE = 1.5  # of the taught top speed: nothing faster is foreseen
+MOST_FORESEEN = 3.0  # [m/s^2] of acceleration that is anticipated from the path alone; quick strokes have 2
 
 
 STILL_S, TRIED, RESTLESSNESS, AWAKE, SURE, DEPARTS, NONE, WHICH = range(8)  # Foresight.memory, after four vectors
@@ -241,3 +245,26 @@ def _squares(off: Array) -> Array:
     for n in range(1, off.shape[1]):
         total += off[:, n] * off[:, n]
     return np.asarray(total)
+
+
+def anticipated(
+    law: CollaborativeLaw, reference: PhaseReference, phase_s: float, velocity: list[float], force: list[float]
+) -> list[float]:
+    """(d,) [m/s^2] The taught change of speed just ahead, scaled to the partner's present speed: what a follower does by itself.
+
+    Not where the partner goes another way than was taught here, and not against the partner's pull.
+    """
+    speed = length(velocity)
+    if speed < 0.02:
+        return [0.0] * len(velocity)
+    now = reference.floats_at("velocity", phase_s)
+    usual = max(length(now), 0.03)
+    ahead = reference.floats_at("velocity", phase_s + law.anticipation_s * min(speed / usual, 2.0))
+    agreement = max(dot(now, velocity), 0.0) / max(length(now) * speed, 1e-9)
+    agreement *= min(speed / law.moving_speed_m_per_s, 1.0)
+    scale = min(speed / usual, 1.5)
+    foreseen = [(a - n) / law.anticipation_s * scale for a, n in zip(ahead, now, strict=True)]
+    asked = length(foreseen)
+    agreement *= min(max((dot(force, foreseen) / max(asked, 1e-9) + 1.0) / 2.0, 0.0), 1.0)
+    agreement *= law.anticipation / max(asked / MOST_FORESEEN, 1.0)
+    return [agreement * a for a in foreseen]

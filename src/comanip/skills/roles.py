@@ -39,6 +39,7 @@ from .collaborate import (
     off_path,
 )
 from .compliance import command_velocity, untaught
+from .foresight import anticipated
 from .reference import PhaseReference
 from .whereabouts import Whereabouts
 
@@ -366,8 +367,12 @@ class RoleSkill(Copied):
             reference = self._led(x, force)
         law = self._offering if self._state == PROBES and self._gives else self._laws[round(50 * a)]
         going = self._meant * self._pace.going if self._state == LEADS else None
-        astray = untaught(self._compliance.velocity, self.taught) if self._state == FOLLOWS and not self._complies_only else 0.0
-        self._compliance.step(law, force - self._expected, reference, self._nothing, going=going, untaught=astray)
+        follows, ahead = self._state == FOLLOWS and not self._complies_only, self._nothing
+        astray = untaught(self._compliance.velocity, self.taught) if follows else 0.0
+        if follows and a == 0.0:
+            where, velocity = self._where, self._compliance.velocity.tolist()
+            ahead = np.array(anticipated(law, self._pace.references[where.goal], where.phase, velocity, force.tolist()))
+        self._compliance.step(law, force - self._expected, reference, ahead, going=going, untaught=astray)
         command_velocity(law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
 
     def _blended(self) -> float:

@@ -197,7 +197,7 @@ def judge(
         work_j=work(force, run.v, run.dt),
         peak_force_n=float(_length(force).max()),
         residual_force_n=float(_length(force[late]).max()),
-        end_error_m=_end_error(case, bound, stated["goal_m"], run.x[-1], taught_ends_m),
+        end_error_m=end_error(case, bound, stated["goal_m"], run.x[-1], taught_ends_m),
         tilt_deg=float(np.degrees(_length(recording["beam.tilt"].values).max())),
         ripple_m_per_s=widest(run.v[last]) / 2.0,
         smoothness=log_dimensionless_jerk(run.v, run.dt),
@@ -225,8 +225,8 @@ def _beyond_the_load(case: Case, recording: Recording) -> tuple[Array, Array]:
     return half * recording["hand.acceleration"].values - true, recording["partner.force"].values - weight
 
 
-def _end_error(case: Case, bound: Bounds, goal_m: Any, end: Array, taught_ends_m: Array | None) -> float:
-    """`end`, (d,) from the start."""
+def end_error(case: Case, bound: Bounds, goal_m: Any, end: Array, taught_ends_m: Array | None) -> float:
+    """How far `end`, (d,) from the start, is from the goal that counts; NaN where none does."""
     if bound.goal == "partner's":
         return float(_length((end - np.atleast_1d(goal_m))[None])[0])
     if bound.goal != "taught":

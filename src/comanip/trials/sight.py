@@ -63,6 +63,11 @@ class Sight:
         if seen.goal:
             self.values[self._width * seen.history :] = 0.0 if goal is None else goal
 
+    def move_to(self, values: Array) -> None:
+        """Writes there (size,) from now on."""
+        values[:] = self.values
+        self.values, self._past = values, values[: self._width * self.seen.history]
+
     def begin(self, obs: Observation) -> Array:
         """At rest for ever before `obs`."""
         self._last[:] = 0.0

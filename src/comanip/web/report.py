@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 from collections.abc import Mapping
 from importlib.resources import files
@@ -22,14 +23,16 @@ def page(
     shown: Mapping[str, tuple[Case, Recording]],
     *,
     words: Mapping[str, str] | None = None,
+    lift: str = "",
 ) -> str:
     """The page as text. `pictures`: name -> SVG; `shown`: role -> the run that the animation plays; `words`: what a reader may
-    not know -> what it means.
+    not know -> what it means; `lift`: the page on which the reader lifts with the robot, as text.
     """
     template = files(__package__).joinpath("report.html").read_text(encoding="utf-8")
     filled = {
         "TABLE": _trial_table(results),
         "PREDICTION": _prediction_table(results),
+        "LIFT": _lift(lift),
         "SECONDS": f"{results['seconds']:.0f}",
         "SEED": str(results["seed"]),
         "PARTNERS": str(results["roles"]["leader"]["trial"]["default"]["partners"]),
@@ -46,6 +49,16 @@ def page(
 def _script(value: Any) -> str:
     """JSON that cannot end the script it stands in."""
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _lift(page: str) -> str:
+    """The page in a frame of its own, in which nothing of it reaches this one."""
+    if not page:
+        return ""
+    return (
+        "<h2>Lift with it</h2><p>Press the handle on the right and move it. The robot is the one that was just taught.</p>"
+        f'<iframe class="lift" title="Lift with the robot" sandbox="allow-scripts allow-downloads" srcdoc="{html.escape(page)}"></iframe>'
+    )
 
 
 def _inline(svg: str) -> str:

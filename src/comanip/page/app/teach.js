@@ -1,0 +1,179 @@
+// Five lessons a role, on the page: the robot is scripted, the person is the person. Trim, delete, replay, and keep them as files.
+
+import { chances } from "./session.js";
+import { COLOURS, fitted } from "./scene.js";
+import { download, recordingCsv, tell } from "./files.js";
+import { recordingMcap } from "./mcap.js";
+
+const LESSONS = 5, SHORTEST_S = 1.0, MOST_KEPT = 60;
+// of the lessons of tasks/*.toml: 0.30 m +- 2.5 cm in 2.2 s +- 0.25 s, begun within 0.4 to 1.2 s
+const SIZE_SD = 0.08, DURATION_S = 2.2, DURATION_SD_S = 0.25, ONSET_S = [0.4, 1.2];
+
+export class Teach {
+  constructor(page, box) {
+    this.page = page;
+    this.box = box;
+    this.role = "leader";
+    this.lessons = [];
+    this.count = 0;
+    this.build();
+  }
+
+  build() {
+    const panel = element("div", "panel"), title = element("h2", "", "Teach it");
+    const text = element("p", "soft", "Five lessons a role. As it leads, go along with it; as it follows, lift to the dashed beam. Then learn from the files: comanip learn leader-*.csv -o leader.json, and drop leader.json here.");
+    this.roles = element("div", "row");
+    this.roles.setAttribute("role", "radiogroup");
+    this.roles.setAttribute("aria-label", "Lessons of which role");
+    for (const [role, label] of [["leader", "It leads"], ["follower", "It follows"]]) {
+      const button = element("button", "button", label);
+      button.dataset.role = role;
+      button.setAttribute("role", "radio");
+      button.addEventListener("click", () => { this.role = role; this.enter(); });
+      this.roles.append(button);
+    }
+    this.says = element("span", "soft");
+    this.says.setAttribute("role", "status");
+    this.asCsv = this.button("Keep all as CSV", () => this.keep("csv"));
+    this.asMcap = this.button("Keep all as MCAP", () => this.keep("mcap"));
+    this.roles.append(this.asCsv, this.asMcap, this.says);
+    this.list = element("div", "lessons");
+    this.list.style.marginTop = ".8rem";
+    panel.append(title, text, this.roles, this.list);
+    this.box.append(panel);
+    this.refresh();
+  }
+
+  button(label, does) {
+    const one = element("button", "button", label);
+    one.addEventListener("click", does);
+    return one;
+  }
+
+  enter() { this.refresh(); this.next(); }
+
+  // The next lesson: what is asked of it varies as people's lessons do.
+  next() {
+    const page = this.page, chance = chances(page.config.seed * 1000 + this.count + (this.role === "leader" ? 0 : 500));
+    const normal = () => chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() - 6;
+    const asked = page.lift("follower", { kind: "mass-damper" }, 1), size = 1 + SIZE_SD * normal();
+    const moves = page.taught().map(x => x * size), duration = Math.max(1.8, DURATION_S + DURATION_SD_S * normal()), onset = ONSET_S[0] + chance() * (ONSET_S[1] - ONSET_S[0]);
+    const robot = this.role === "leader" ? { kind: "planned", moves, duration_s: duration, onset_s: onset, kg: 6, ns_per_m: 30 } : { kind: "mass-damper", kg: 4, ns_per_m: 15 };
+    page.session.prepare({ ...asked, robot, seed: page.config.seed * 1000 + this.count, goal: this.role === "leader" ? null : moves, asked: this.role });
+    document.getElementById("verdict").hidden = true;
+  }
+
+  ended(session) {
+    const take = session.take;
+    if (take.position.length * take.dt < SHORTEST_S || session.goneAt === null || session.letGo && !session.atGoal()) {
+      tell("that was no whole lesson: hold on until it rests");
+    } else if (this.lessons.length >= MOST_KEPT) tell("there are enough lessons: keep them, or delete some");
+    else {
+      this.count++;
+      this.lessons.push({ role: this.role, n: this.count, take, from: 0, to: take.position.length, name: `${this.role}-${this.lessons.filter(one => one.role === this.role).length + 1}` });
+      if (this.lessons.filter(one => one.role === this.role).length === LESSONS) { this.page.sound.arrived(); tell(`five lessons as ${this.role}: keep them, and learn`); }
+    }
+    this.refresh();
+    setTimeout(() => { this.page.hands.release(); session.goBack(performance.now()); }, this.page.hands.kind === "pointer" ? 700 : 500);
+  }
+
+  // A lesson that somebody opens again: what a file says is text.
+  open(name, text) { this.page.opened?.(name, text); tell(`${name.slice(0, 80)}: the page opens skills; lessons go to comanip learn`); }
+
+  // The part that counts, as a take of its own
+  part(lesson) {
+    const cut = {};
+    for (const [key, value] of Object.entries(lesson.take)) cut[key] = Array.isArray(value) && value.length === lesson.take.position.length ? value.slice(lesson.from, lesson.to) : value;
+    return cut;
+  }
+
+  keep(kind) {
+    const task = this.page.config.task;
+    for (const lesson of this.lessons) {
+      const about = { name: lesson.name, role: lesson.role, lesson: lesson.n, robot: lesson.role === "leader" ? "scripted: minimum jerk, gives way" : "scripted: mass-damper" };
+      if (kind === "csv") download(`${lesson.name}.csv`, recordingCsv(task, this.part(lesson), about), "text/csv");
+      else download(`${lesson.name}.mcap`, recordingMcap(task, this.part(lesson), about), "application/octet-stream");
+    }
+  }
+
+  refresh() {
+    const counts = role => this.lessons.filter(one => one.role === role).length;
+    for (const button of this.roles.querySelectorAll("[data-role]")) {
+      const on = button.dataset.role === this.role;
+      button.setAttribute("aria-checked", String(on));
+      button.classList.toggle("main", on);
+    }
+    this.says.textContent = `leads ${counts("leader")} of ${LESSONS}, follows ${counts("follower")} of ${LESSONS}`;
+    this.asCsv.disabled = this.asMcap.disabled = !this.lessons.length;
+    this.list.replaceChildren(...this.lessons.map(lesson => this.card(lesson)));
+    this.draw();
+  }
+
+  card(lesson) {
+    const box = element("div", "lesson"), row = element("div", "row"), trim = element("div", "trim");
+    lesson.canvas = document.createElement("canvas");
+    lesson.canvas.setAttribute("role", "img");
+    lesson.canvas.setAttribute("aria-label", `lesson ${lesson.name}: height and force`);
+    const name = element("b", "", lesson.name);
+    const bound = (label, key, low) => {
+      const one = document.createElement("input");
+      one.type = "range";
+      one.min = 0; one.max = lesson.take.position.length; one.value = lesson[key];
+      one.setAttribute("aria-label", `${label} of ${lesson.name}`);
+      one.addEventListener("input", () => {
+        const value = Number(one.value), least = SHORTEST_S / lesson.take.dt;
+        lesson[key] = low ? Math.min(value, lesson.to - least) : Math.max(value, lesson.from + least);
+        one.value = lesson[key];
+        this.draw();
+      });
+      return one;
+    };
+    trim.append(bound("Beginning", "from", true), bound("End", "to", false));
+    row.append(name, this.button("▶", () => { this.replays = { lesson, from: performance.now() }; }), this.button("✕", () => { this.lessons = this.lessons.filter(one => one !== lesson); this.refresh(); }));
+    row.children[1].setAttribute("aria-label", `Replay ${lesson.name}`);
+    row.children[2].setAttribute("aria-label", `Delete ${lesson.name}`);
+    box.append(row, lesson.canvas, trim);
+    return box;
+  }
+
+  draw() {
+    for (const lesson of this.lessons) {
+      const fit = lesson.canvas && fitted(lesson.canvas);
+      if (!fit) continue;
+      const [g, w, h] = fit, take = lesson.take, n = take.position.length, axis = this.page.mainAxis();
+      g.clearRect(0, 0, w, h);
+      g.fillStyle = COLOURS.line;
+      g.globalAlpha = 0.5;
+      g.fillRect(0, 0, (lesson.from / n) * w, h);
+      g.fillRect((lesson.to / n) * w, 0, w, h);
+      g.globalAlpha = 1;
+      curve(g, take.position.map(row => row[axis]), w, h, COLOURS.ink);
+      curve(g, take.force.map(row => row[axis]), w, h, COLOURS.force, 8);
+    }
+  }
+
+  // A replay draws over the scene; touching the handle ends it.
+  frame(now) {
+    if (!this.replays) return;
+    const { lesson, from } = this.replays, n = lesson.from + Math.max(Math.floor((now - from) / 1000 / lesson.take.dt), 0), page = this.page;
+    if (n >= lesson.to || page.session.phase === "runs") { this.replays = null; return; }
+    const take = lesson.take, start = take.start, off = row => row.map((x, i) => x - start[i]);
+    page.scene.draw({ robot: off(take.position[n]), person: off(take.end_position[n]), force: take.force[n], tilt: take.tilt[n][0], pullN: 0, mode: 0, now });
+  }
+}
+
+function curve(g, values, w, h, colour, least = 0.05) {
+  const low = Math.min(...values), high = Math.max(...values), half = Math.max((high - low) / 2, least / 2), middle = (low + high) / 2;
+  g.strokeStyle = colour;
+  g.lineWidth = 1.8;
+  g.beginPath();
+  values.forEach((y, n) => g.lineTo((n / (values.length - 1)) * w, h / 2 - ((y - middle) / half) * h * 0.42));
+  g.stroke();
+}
+
+export function element(kind, className = "", text = "") {
+  const one = document.createElement(kind);
+  if (className) one.className = className;
+  if (text) one.textContent = text;
+  return one;
+}

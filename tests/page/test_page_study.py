@@ -1,0 +1,144 @@
+"""comanip study: what persons did and said, to paired differences; and files that are no study."""
+
+from __future__ import annotations
+
+import json
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from comanip.errors import RecordingError
+from comanip.formats import read
+from comanip.page.study import ENOUGH, analysis, difference, read_person, recordings
+from page.node import ran
+
+CONDITIONS = ("default", "mass-damper", "damping")
+EFFORT = {"default": 4.0, "mass-damper": 15.0, "damping": 60.0}
+
+
+def written(
+    folder: Path, name: str, rng: np.random.Generator, *, spread: float = 0.2, trials: int = 4, complete: bool = True
+) -> Path:
+    lines: list[dict] = [{
+        "type": "study", "version": 1, "participant": name, "seed": 3, "order": list(CONDITIONS), "conditions": list(CONDITIONS), "trials": trials,
+        "task": "lift", "axes": ["z"], "load_mass_kg": 2.0, "load_share": 0.5, "gravity_m_per_s2": [-9.80665], "made_by": "test",
+    }]  # fmt: skip
+    hand = float(np.exp(spread * rng.normal()))
+    for block, condition in enumerate(CONDITIONS):
+        for trial in range(trials):
+            effort = EFFORT[condition] * hand * float(np.exp(spread * rng.normal()))
+            verdict = {
+                "success": condition != "damping",
+                "effort_n2s": effort,
+                "peak_n": effort**0.5,
+                "duration_s": 2.0 + block,
+                "end_error_m": None,
+            }
+            channels = {"position": [[0.85], [0.86]], "force": [[0.0], [1.0]], "sensor_force": [[-9.8], [-9.0]]}
+            lines.append(
+                {
+                    "type": "trial",
+                    "block": block + 1,
+                    "condition": condition,
+                    "trial": trial + 1,
+                    "seed": trial,
+                    "dt_s": 0.01,
+                    "verdict": verdict,
+                    "channels": channels,
+                }
+            )
+        lines.append(
+            {"type": "answers", "block": block + 1, "condition": condition, "ease": 7 - 2 * block, "predictability": 6 - block}
+        )
+    lines.append({"type": "preference", "block": 1, "condition": "default", "comment": "<b>x</b>"})
+    if complete:
+        lines.append({"type": "end", "reason": "complete"})
+    file = folder / f"{name}.jsonl"
+    file.write_text("\n".join(map(json.dumps, lines)) + "\n")
+    return file
+
+
+def test_the_known_order_of_three_laws_is_found_from_one_person_and_from_many(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    for count, pairs in ((1, 4), (ENOUGH - 1, 4 * (ENOUGH - 1)), (8, 8)):
+        found = analysis([read_person(written(tmp_path, f"p{count}-{n}", rng)) for n in range(count)])
+        effort = found["differences"]["effort"]
+        assert [d.pairs for d in effort.values()] == [pairs] * 3
+        assert all(d.told and d.mean < 0.0 for d in effort.values()), effort
+        assert found["differences"]["success"]["default - damping"].mean == pytest.approx(1.0)
+        assert found["prefer"] == {"default": count, "mass-damper": 0, "damping": 0}
+        assert found["means"]["default"]["effort"] < found["means"]["mass-damper"]["effort"] < found["means"]["damping"]["effort"]
+
+
+def test_the_interval_of_a_difference_holds_its_true_value_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(2)
+    held = [d.low < 0.5 < d.high for d in (difference((0.5 + rng.normal(size=6)).tolist()) for _ in range(2000))]
+    assert 0.935 < np.mean(held) < 0.965
+    assert difference([1.0]).high == np.inf
+    assert difference([]).pairs == 0
+
+
+def test_a_person_who_stopped_counts_as_far_as_trials_are_pairs(tmp_path: Path) -> None:
+    file = written(tmp_path, "p", np.random.default_rng(3))
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join(lines[:8] + ['{"type":"end","reason":"broken off"}']))
+    person = read_person(file)
+    assert not person.complete
+    found = analysis([person])
+    assert found["differences"]["effort"]["default - mass-damper"].pairs == 2
+    assert found["differences"]["effort"]["default - damping"].pairs == 0
+
+
+@pytest.mark.parametrize(
+    ("line", "text", "says"),
+    [
+        (0, "{", "line 1: not JSON"),
+        (0, '{"type":"trial"}', "no record of type study"),
+        (0, '{"type":"study","version":2}', "version 2"),
+        (0, '{"type":"study","version":1,"conditions":"x"}', "conditions is a list"),
+        (1, "[1]", "line 2: a record is an object"),
+        (1, '{"type":"<script>"}', "unknown type"),
+        (1, '{"type":"trial","condition":"other","trial":1}', "condition 'other' is unknown"),
+        (1, '{"type":"trial","condition":"default","trial":"1"}', "trial is a whole number"),
+        (1, '{"type":"trial","condition":"default","trial":1,"verdict":3}', "verdict is an object"),
+        (5, '{"type":"answers","condition":"default","ease":9,"predictability":1}', "ease is from 1 to 7"),
+    ],
+)
+def test_what_is_no_study_is_refused_with_file_and_line(line: int, text: str, says: str, tmp_path: Path) -> None:
+    file = written(tmp_path, "p", np.random.default_rng(4))
+    lines = file.read_text().splitlines()
+    lines[line] = text
+    file.write_text("\n".join(lines))
+    with pytest.raises(RecordingError, match=says) as said:
+        read_person(file)
+    assert str(file) in str(said.value)
+    assert "\n" not in str(said.value)
+
+
+def test_studies_of_other_conditions_are_not_thrown_together(tmp_path: Path) -> None:
+    one, other = (written(tmp_path, name, np.random.default_rng(5)) for name in "ab")
+    other.write_text(other.read_text().replace("damping", "rigid"))
+    with pytest.raises(RecordingError, match="analyse them apart"):
+        analysis([read_person(one), read_person(other)])
+
+
+def test_every_trial_is_a_recording_that_can_be_kept(tmp_path: Path) -> None:
+    from comanip.commands.app import app
+
+    file = written(tmp_path, "p", np.random.default_rng(6))
+    app(["study", str(file), "-o", str(tmp_path / "trials"), "--plot", str(tmp_path / "study.png")], result_action="return_value")
+    kept = sorted((tmp_path / "trials").glob("*.mcap"))
+    assert len(kept) == 12
+    (one,) = read(kept[0])
+    assert one.metadata["load_mass_kg"] == 2.0
+    assert one["hand.position"].values.tolist() == [[0.85], [0.86]]
+    assert (tmp_path / "study.png").stat().st_size > 10_000
+    assert len(list(recordings(read_person(file)))) == 12
+
+
+def test_orders_of_seeds_that_follow_each_other_run_through_all_of_them(tmp_path: Path) -> None:
+    found = ran(tmp_path, "answer(Array.from({ length: 12 }, (_, seed) => orderOf(seed, 3)));", modules={"study": "orderOf"})
+    assert {tuple(order) for order in found[:6]} == set(permutations(range(3)))
+    assert found[:6] == found[6:]
