@@ -2,9 +2,9 @@
 
     python -m comanip.experiments.export_proof --ticks 1e7 leader.json follower.json
 
-Each run drives the Python in closed loop (a hand that goes where it is sent, with somebody who lifts, holds, lets go, blocks,
-shakes, or a sensor that lies), keeps what it saw and commanded, and gives the same to the C. Command, force, mode, reason, energy,
-confidence, phase and blend must be equal: one bit that differs is a failure. Weights of the model are compared to 1e-9.
+Each run drives the Python in closed loop: a hand that goes where it is sent, with somebody who lifts, holds, lets go, blocks or
+shakes, or a sensor that lies. What it saw goes to the C, too. Command, felt force, mode, reason, energy, confidence, phase, blend
+must be equal: one bit that differs is a failure. Weights of the model are compared to 1e-9.
 """
 
 from __future__ import annotations
