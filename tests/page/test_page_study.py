@@ -142,3 +142,27 @@ def test_orders_of_seeds_that_follow_each_other_run_through_all_of_them(tmp_path
     found = ran(tmp_path, "answer(Array.from({ length: 12 }, (_, seed) => orderOf(seed, 3)));", modules={"study": "orderOf"})
     assert {tuple(order) for order in found[:6]} == set(permutations(range(3)))
     assert found[:6] == found[6:]
+
+
+def test_the_command_line_makes_a_page_and_says_what_it_cannot(skills, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from comanip.commands.app import app
+    from comanip.errors import ParameterError
+    from comanip.learned import file as skill_file
+
+    files = [tmp_path / f"{role}.json" for role in skills]
+    for role, file in zip(skills, files, strict=True):
+        skill_file.save(skills[role], file)
+    out = str(tmp_path / "lift.html")
+    app(["export", *map(str, files), "--to", "page", "-o", out], result_action="return_value")
+    assert 'name="generator" content="comanip"' in (tmp_path / "lift.html").read_text()[:2000]
+    assert "lift.html" in capsys.readouterr().out
+    for more, says in (
+        (["--role", "leader"], "--role is not for --to page"),
+        (["--task", "turn"], "turns"),
+        (["--task", "slide"], "axes"),
+        (["-o", str(tmp_path / "lift.json")], "ends in .html"),
+    ):
+        with pytest.raises((ParameterError, Exception), match=says):
+            app(["export", *map(str, files), "--to", "page", "-o", out, *more], result_action="return_value")
+    with pytest.raises(ParameterError, match="--task is for --to page"):
+        app(["export", str(files[0]), "--to", "c", "--task", "lift", "-o", str(tmp_path / "x.c")], result_action="return_value")
