@@ -119,14 +119,14 @@ def encoded(numbers: np.ndarray) -> str:
 
 def _task(skills: Mapping[str, LearnedSkill], task: str | Path | None) -> Task:
     known = named(str(task or "lift"))
+    if turning := [axis.name for axis in known.axes_ if axis.kind != "length"]:
+        raise MismatchError(f"task {known.name!r} turns along {turning[0]!r}; the page carries along straight axes alone")
     for role, one in skills.items():
         if one.axes != known.axes:
             raise MismatchError(
                 f"skill {role!r} is for the axes {', '.join(one.axes)}, task {known.name!r} has {', '.join(known.axes)}: "
                 "give another --task"
             )
-    if turning := [axis.name for axis in known.axes_ if axis.kind != "length"]:
-        raise MismatchError(f"task {known.name!r} turns along {turning[0]!r}; the page carries along straight axes alone")
     return known
 
 
