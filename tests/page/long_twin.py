@@ -30,10 +30,17 @@ def main(ticks: int) -> None:
         with tempfile.TemporaryDirectory() as folder:
             found = in_page(Path(folder), task, trace, holds=holds, numbers=numbers(robot(skills, role, dt=DT), task))
         recording = in_python(task, trace, holds=holds, skill=robot(skills, role, dt=DT))
-        apart = {name: float(np.abs(found[name] - recording[name].values).max()) for name in found if name.startswith(("hand.", "command."))}
+        apart = {
+            name: float(np.abs(found[name] - recording[name].values).max())
+            for name in found
+            if name.startswith(("hand.", "command."))
+        }
         modes = np.bincount(found["mode"].astype(int), minlength=3).tolist()
         same = bool((found["mode"] == recording["skill.mode"].values[:, 0]).all())
-        print(f"{role}: {len(found['mode'])} ticks, farthest apart {max(apart.values()):.1e}; RUN, COMPLY, HOLD {modes}, the same: {same}", flush=True)
+        print(
+            f"{role}: {len(found['mode'])} ticks, farthest apart {max(apart.values()):.1e}; RUN, COMPLY, HOLD {modes}, the same: {same}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -83,7 +83,7 @@ def test_the_interval_of_a_difference_holds_its_true_value_as_often_as_it_says()
 def test_a_person_who_stopped_counts_as_far_as_trials_are_pairs(tmp_path: Path) -> None:
     file = written(tmp_path, "p", np.random.default_rng(3))
     lines = file.read_text().splitlines()
-    file.write_text("\n".join(lines[:8] + ['{"type":"end","reason":"broken off"}']))
+    file.write_text("\n".join([*lines[:8], '{"type":"end","reason":"broken off"}']))
     person = read_person(file)
     assert not person.complete
     found = analysis([person])
@@ -144,7 +144,9 @@ def test_orders_of_seeds_that_follow_each_other_run_through_all_of_them(tmp_path
     assert found[:6] == found[6:]
 
 
-def test_the_command_line_makes_a_page_and_says_what_it_cannot(skills, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_makes_a_page_and_says_what_it_cannot(
+    skills, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     from comanip.commands.app import app
     from comanip.errors import MismatchError, ParameterError
     from comanip.learned import file as skill_file
