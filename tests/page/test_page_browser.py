@@ -45,7 +45,9 @@ def test_the_page_is_one_small_file_that_opens_at_once_and_asks_nobody(one: Any,
     assert file.stat().st_size < 1.5e6
     text = file.read_text()
     assert "import " not in bundle().replace("important", "")
-    assert not {"http://", "https://", "<link", " src="} & {word for word in ("http://", "https://", "<link", " src=") if word in text}
+    assert not {"http://", "https://", "<link", " src="} & {
+        word for word in ("http://", "https://", "<link", " src=") if word in text
+    }
     begun = time.monotonic()
     with opened(one, file) as tab:  # and fails on any request, error or refused policy
         assert time.monotonic() - begun < 10.0  # seconds here are the machine's; what it takes by itself:
@@ -123,7 +125,9 @@ def test_letting_go_is_noticed_said_and_ended_by_going_on(one: Any, file: Path) 
             tab.mouse.up()
 
 
-def test_names_with_markup_are_text_and_a_damaged_skill_is_one_line(one: Any, skills: dict[str, LearnedSkill], tmp_path: Path) -> None:
+def test_names_with_markup_are_text_and_a_damaged_skill_is_one_line(
+    one: Any, skills: dict[str, LearnedSkill], tmp_path: Path
+) -> None:
     nasty = "</script><img src=x onerror=\"document.title='owned'\">{{RUNS}}/*CONFIG*/"
     file = tmp_path / "lift.html"
     file.write_text(page(skills, title=nasty))
