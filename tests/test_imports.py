@@ -91,7 +91,7 @@ ROOMS = {  # room of the house, or module at its top -> what of ours it may impo
         "trials",
     },
     "web": {*BASE, "trials", "evaluation"},
-    "page": {*BASE, "parts", "formats", "interaction", "learned", "models", "reproduction", "skills", "safety", "tasks", "whole_file"},
+    "page": {*BASE, "formats", "interaction", "learned", "reproduction", "skills", "safety", "tasks", "whole_file"},
 }
 LEAVES = {"commands", "experiments", "__init__"}  # may import anything, and nothing imports them
 LOOSE = 12  # modules at the top of the house, at most

@@ -117,26 +117,34 @@ def main() -> None:
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("out", type=Path)
     words.add_argument("--lessons-in", type=Path, required=True)
-    words.add_argument("--kind", choices=("mlp", "gru", "act"), default="mlp")
-    words.add_argument("--task", default="lift")
-    words.add_argument("--role", default="follower")
-    words.add_argument("--lessons", type=int, default=50)
-    words.add_argument("--seconds", type=float, default=20.0, help="of CPU time that training may take")
+    words.add_argument("--kind", nargs="+", choices=("mlp", "gru", "act"), default=["mlp"])
+    words.add_argument("--task", nargs="+", default=["lift"])
+    words.add_argument("--role", nargs="+", default=["follower", "leader"])
+    words.add_argument("--lessons", nargs="+", type=int, default=[50])
+    words.add_argument("--seconds", type=float, default=20.0, help="of CPU time that each may take")
     words.add_argument("--seed", type=int, default=0)
     asked = words.parse_args()
-    torch.manual_seed(asked.seed)
-    lessons = [relative(one) for one in stored(asked.lessons_in, asked.task, asked.role)[: asked.lessons]]
-    if len(lessons) < max(asked.lessons, 2):
-        has = f"{len(lessons)} lessons of {asked.task} as {asked.role}"
-        raise SystemExit(f"{asked.lessons_in}: {has}; needed: {asked.lessons}, 2 at least")
-    data, name = Data(lessons), f"{asked.kind}_{asked.lessons}"
-    asked.out.mkdir(parents=True, exist_ok=True)
-    with (asked.out / f"{name}_{asked.task}_{asked.role}.csv").open("w") as curve:
-        net, best = trained(asked.kind, data, curve, seconds=asked.seconds, rng=np.random.default_rng(asked.seed))
-    about = {"kind": asked.kind, "n_in": data.n_in, "n_out": data.n_out, "by": data.by}
-    save(asked.out, name, asked.task, asked.role, net, **about, mean=data.mean.tolist(), scale=data.scale.tolist())
-    file = entry(asked.out, name, f"{asked.kind}, cloned from {asked.lessons} lessons by benchmarks/policies/train_bc.py")
-    print(f"{file}: {asked.task} as {asked.role}, held-out error {best:.4f} of the variance", flush=True)
+    for kind in asked.kind:
+        for task in asked.task:
+            for role in asked.role:
+                for lessons in asked.lessons:
+                    one(asked.out, asked.lessons_in, kind, task, role, lessons, seconds=asked.seconds, seed=asked.seed)
+
+
+def one(out: Path, stored_in: Path, kind: str, task: str, role: str, n: int, *, seconds: float, seed: int) -> None:
+    """One network, its curve and its entry."""
+    torch.manual_seed(seed)
+    lessons = [relative(lesson) for lesson in stored(stored_in, task, role)[:n]]
+    if len(lessons) < max(n, 2):
+        raise SystemExit(f"{stored_in}: {len(lessons)} lessons of {task} as {role}; needed: {n}, 2 at least")
+    data, name = Data(lessons), f"{kind}_{n}"
+    out.mkdir(parents=True, exist_ok=True)
+    with (out / f"{name}_{task}_{role}.csv").open("w") as curve:
+        net, best = trained(kind, data, curve, seconds=seconds, rng=np.random.default_rng(seed))
+    about = {"kind": kind, "n_in": data.n_in, "n_out": data.n_out, "by": data.by}
+    save(out, name, task, role, net, **about, mean=data.mean.tolist(), scale=data.scale.tolist())
+    file = entry(out, name, f"{kind}, cloned from {n} lessons by benchmarks/policies/train_bc.py")
+    print(f"{file}: {task} as {role}, held-out error {best:.4f} of the variance", flush=True)
 
 
 if __name__ == "__main__":

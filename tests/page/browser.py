@@ -19,6 +19,7 @@ CHROMIUM = (
     or shutil.which("chromium-browser")
     or shutil.which("google-chrome")
 )
+FORESEEN = 0.8  # share of the way meanwhile
 READY = "html[data-ready=yes]"
 
 
@@ -123,7 +124,7 @@ def lead(
 
 
 def follow(tab: Any, rng: random.Random, *, delay_s: float | None = None, hand: Any = None) -> dict[str, Any]:
-    """Holds on and goes along, late by what people are late: the pointer is where the handle was."""
+    """Holds on and goes along: the eye is late by what people are late, and foresees most of a motion that goes on (pursuit)."""
     settled(tab)
     taken = tab.evaluate("comanip.takes.length")
     x, y = handle(tab)
@@ -133,9 +134,13 @@ def follow(tab: Any, rng: random.Random, *, delay_s: float | None = None, hand: 
     begun, seen = time.monotonic(), [(time.monotonic(), x, y)]
     while tab.evaluate("comanip.session.phase") == "runs" and time.monotonic() - begun < 30.0:
         seen.append((time.monotonic(), *handle(tab)))
-        while len(seen) > 1 and seen[1][0] < time.monotonic() - delay:
+        now = time.monotonic()
+        while len(seen) > 2 and seen[2][0] < now - delay:
             seen.pop(0)
-        hand.move(seen[0][1] + rng.gauss(0.0, 0.4), seen[0][2] + rng.gauss(0.0, 0.4))
+        (before, *was), (then, *there) = seen[0], seen[min(1, len(seen) - 1)]
+        ahead = FORESEEN * (now - then) / max(then - before, 0.02)
+        place = [at + ahead * (at - old) for at, old in zip(there, was, strict=True)]
+        hand.move(place[0] + rng.gauss(0.0, 0.4), place[1] + rng.gauss(0.0, 0.4))
         time.sleep(0.01)
     hand.up()
     return _taken(tab, taken)

@@ -41,11 +41,18 @@ def file(skills: dict[str, LearnedSkill], tmp_path_factory: pytest.TempPathFacto
     return made
 
 
+# median time between frames, over 30 of them
+FRAME_MS = """() => new Promise(done => { const at = []; const next = t => { at.push(t); at.length > 30
+    ? done(at.slice(1).map((t, i) => t - at[i]).sort((a, b) => a - b)[15]) : requestAnimationFrame(next) }; requestAnimationFrame(next) })"""
+
+
 def test_the_page_is_one_small_file_that_opens_at_once_and_asks_nobody(one: Any, file: Path) -> None:
     assert file.stat().st_size < 1.5e6
     text = file.read_text()
     assert "import " not in bundle().replace("important", "")
-    assert not {"http://", "https://", "<link", " src="} & {word for word in ("http://", "https://", "<link", " src=") if word in text}
+    assert not {"http://", "https://", "<link", " src="} & {
+        word for word in ("http://", "https://", "<link", " src=") if word in text
+    }
     begun = time.monotonic()
     with opened(one, file) as tab:  # and fails on any request, error or refused policy
         assert time.monotonic() - begun < 10.0  # seconds here are the machine's; what it takes by itself:
@@ -62,7 +69,8 @@ def test_a_mouse_lifts_to_where_it_means_with_a_follower_and_is_judged(one: Any,
         assert tab.locator("#verdict").inner_text().startswith("✓")
         assert len(found["take"]["weights"][0]) == 10
         latencies = sorted(tab.evaluate("comanip.latencies"))
-        assert latencies[len(latencies) // 2] < 60.0  # 20 on a machine that does nothing else
+        # milliseconds are the machine's (20 on one that does nothing else); by itself the page answers within its next frames
+        assert latencies[len(latencies) // 2] < 4.0 * tab.evaluate(FRAME_MS)
 
 
 def test_a_finger_lifts_on_a_phone_where_everything_is_reachable(one: Any, file: Path) -> None:
@@ -123,7 +131,9 @@ def test_letting_go_is_noticed_said_and_ended_by_going_on(one: Any, file: Path) 
             tab.mouse.up()
 
 
-def test_names_with_markup_are_text_and_a_damaged_skill_is_one_line(one: Any, skills: dict[str, LearnedSkill], tmp_path: Path) -> None:
+def test_names_with_markup_are_text_and_a_damaged_skill_is_one_line(
+    one: Any, skills: dict[str, LearnedSkill], tmp_path: Path
+) -> None:
     nasty = "</script><img src=x onerror=\"document.title='owned'\">{{RUNS}}/*CONFIG*/"
     file = tmp_path / "lift.html"
     file.write_text(page(skills, title=nasty))

@@ -177,7 +177,7 @@ def test_hostile_skill_files_are_one_line_and_a_good_one_with_markup_for_names_i
         count=len(bad),
         prepare=json.loads(json.dumps(constants(named("lift"), dt=DT))),
     )
-    for (number, kind, text), name in zip(found["said"], bad, strict=True):
+    for (_, kind, text), name in zip(found["said"], bad, strict=True):
         assert kind == "Error", (name, kind, text)
         assert "\n" not in text, (name, text)
         assert len(text) < 300, (name, text)

@@ -83,7 +83,7 @@ def test_the_interval_of_a_difference_holds_its_true_value_as_often_as_it_says()
 def test_a_person_who_stopped_counts_as_far_as_trials_are_pairs(tmp_path: Path) -> None:
     file = written(tmp_path, "p", np.random.default_rng(3))
     lines = file.read_text().splitlines()
-    file.write_text("\n".join(lines[:8] + ['{"type":"end","reason":"broken off"}']))
+    file.write_text("\n".join([*lines[:8], '{"type":"end","reason":"broken off"}']))
     person = read_person(file)
     assert not person.complete
     found = analysis([person])
@@ -142,3 +142,30 @@ def test_orders_of_seeds_that_follow_each_other_run_through_all_of_them(tmp_path
     found = ran(tmp_path, "answer(Array.from({ length: 12 }, (_, seed) => orderOf(seed, 3)));", modules={"study": "orderOf"})
     assert {tuple(order) for order in found[:6]} == set(permutations(range(3)))
     assert found[:6] == found[6:]
+
+
+def test_the_command_line_makes_a_page_and_says_what_it_cannot(
+    skills, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from comanip.commands.app import app
+    from comanip.errors import MismatchError, ParameterError
+    from comanip.learned import file as skill_file
+
+    files = [tmp_path / f"{role}.json" for role in skills]
+    for role, file in zip(skills, files, strict=True):
+        skill_file.save(skills[role], file)
+    out = str(tmp_path / "lift.html")
+    app(["export", *map(str, files), "--to", "page", "-o", out], result_action="return_value")
+    assert 'name="generator" content="comanip"' in (tmp_path / "lift.html").read_text()[:2000]
+    assert "lift.html" in capsys.readouterr().out
+    for more, says in (
+        (["--role", "leader"], "--role is not for --to page"),
+        (["--task", "turn"], "turns"),
+        (["--task", "slide"], "axes"),
+        (["-o", str(tmp_path / "lift.json")], "ends in .html"),
+    ):
+        where = [] if "-o" in more else ["-o", out]
+        with pytest.raises((ParameterError, MismatchError), match=says):
+            app(["export", *map(str, files), "--to", "page", *where, *more], result_action="return_value")
+    with pytest.raises(ParameterError, match="--task is for --to page"):
+        app(["export", str(files[0]), "--to", "c", "--task", "lift", "-o", str(tmp_path / "x.c")], result_action="return_value")

@@ -210,8 +210,8 @@ def standing(newtons, seconds=1.5):
 def test_a_hand_that_sank_goes_on_with_somebody_who_carries_or_pulls_harder_and_not_under_the_object():
     assert standing(-6.0) == ("RUN", 2)
     assert standing(-16.0) == ("RUN", 2)
-    assert standing(-12.0) == ("HOLD", 1)
-    assert standing(-9.0) == ("HOLD", 1)
+    assert standing(-9.0) == ("RUN", 2)
+    assert standing(-12.0) == standing(-11.0) == standing(-13.0) == ("HOLD", 1)
     assert standing(-6.0, seconds=0.4) == ("HOLD", 1)
 
 

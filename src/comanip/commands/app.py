@@ -287,7 +287,9 @@ def export(
     """Write a skill, its envelope and its force estimate as source without Python: comanip export skill.json --to c -o skill.c"""
     from . import exporting as command
 
-    command.export(skill, to, out, role, law, dt, goal, mass_kg, load_share, tare_s, force_delay_ms, gravity, overwrite, json)
+    command.export(
+        skill, to, out, role, law, dt, goal, mass_kg, load_share, tare_s, force_delay_ms, gravity, task, overwrite, json
+    )
 
 
 @app.command

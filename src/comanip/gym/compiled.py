@@ -186,7 +186,7 @@ class Compiled:
             layouts.packed("carry", numbers), self._counts, self._time, obs.position, obs.velocity, obs.sensor_force, obs.force,
             self._command, self._wish, told._said, told._velocity, plant._shown, plant._commanded, self._truth, self._signs,
             self._felt, self._rows, self._sent, sight._past, sight._last, np.array(episode.meant), np.array(episode.start),
-            self._stream.block, self._parts,
+            self._stream.block, self._parts, self._envelope._taught,
         )  # fmt: skip
         return kernels.native.Carry(plant._compiled, self._envelope._ordinary.compiled, arrays)
 

@@ -60,7 +60,7 @@ typedef struct {
     const CarryNumbers *k;
     int64_t *counts;
     double *time, *observed[OBSERVED], *command, *wish, *said, *told, *shown, *commanded, *truth, *signs, *felt, *rows, *sent, *seen, *last;
-    const double *meant, *start, *noise;
+    const double *meant, *start, *noise, *taught; /* taught: of the envelope's skill */
     double *parts;
 } Carry;
 
@@ -184,8 +184,7 @@ static int carry_tick(Carry *c, const double *said, int *open) {
     if (c->counts[DRAWN] + wants > c->n_noise) return NO_NOISE;
     double *const *o = c->observed;
     for (int i = 0; i < d; i++) c->said[i] = said[i];
-    static const Axes nobody_taught = {0};
-    if (!sense(c->envelope, c->time[0], o[POSITION_], o[FORCE_], o[VELOCITY_], o[SENSOR], nobody_taught)) return FOR_PYTHON;
+    if (!sense(c->envelope, c->time[0], o[POSITION_], o[FORCE_], o[VELOCITY_], o[SENSOR], c->taught)) return FOR_PYTHON;
     told(c, said);
     const double *const wish[3] = {c->wish, c->wish + d, c->wish + 2 * d};
     double *const command[3] = {c->command, c->command + d, c->command + 2 * d};
@@ -235,14 +234,14 @@ static PyObject *carry_new(PyTypeObject *type, PyObject *args, PyObject *keyword
     c->command = at[next++], c->wish = at[next++], c->said = at[next++], c->told = at[next++], c->shown = at[next++];
     c->commanded = at[next++], c->truth = at[next++], c->signs = at[next++], c->felt = at[next++], c->rows = at[next++];
     c->sent = at[next++], c->seen = at[next++], c->last = at[next++], c->meant = at[next++], c->start = at[next++];
-    c->noise = at[next++], c->parts = at[next++];
+    c->noise = at[next++], c->parts = at[next++], c->taught = at[next++];
     if (!PyErr_Occurred()) {
         c->width = 1 + 12 * d + 4;
         c->n_seen = (int)sizes[18], c->n_meant = (int)(sizes[20] / d), c->n_noise = (int)sizes[22];
         const Py_ssize_t past = (Py_ssize_t)c->k->late + 2, rows = c->counts[MOST_TICKS] + 1;
         const Py_ssize_t wanted[] = {
             (Py_ssize_t)sizeof(CarryNumbers) / 8, COUNTS, 1, d, d, d, d, 3 * d, 3 * d, d, d, SHOWN * d, d, 3 * d, 3,
-            d * ((Py_ssize_t)sizeof(FeltAxis) / 8 + past), rows * c->width, d, -3 * d, 3 * d, -d, d, -d * (NOISE_BLOCK + 1), 4,
+            d * ((Py_ssize_t)sizeof(FeltAxis) / 8 + past), rows * c->width, d, -3 * d, 3 * d, -d, d, -d * (NOISE_BLOCK + 1), 4, d,
         };
         if (all_n != next || c->envelope->d != d) PyErr_Format(PyExc_ValueError, "a run has %d arrays of one number of axes", next);
         for (int n = 0; n < next && !PyErr_Occurred(); n++) /* negative: at least so many */

@@ -41,6 +41,8 @@ enum { REASONS(ITS_REASON) N_REASONS };
 
 /* as in safety/detectors.py and safety/situation.py */
 #define STANDS_M_S 1e-9
+#define HANGING 0.12
+#define HANGING_N 0.6
 #define ANSWER_N 0.7
 #define SAME_LOW 0.7
 #define SAME_HIGH 1.3
@@ -131,7 +133,7 @@ static inline void restart(const Envelope *e, Guard *g, double time, const doubl
     g->mode = MODE_RUN, g->reason = REASON_NONE, g->value = NAN;
     g->passes = g->passed = g->passed_s = g->feels_s = g->ticks = g->mistaken = g->pending = 0.0;
     g->first = g->known = g->confidence = 1.0;
-    g->wait_s = e->limits.passed_s, g->sinks_wait_s = 0.5 * e->limits.passed_s, g->bound = INFINITY;
+    g->wait_s = g->sinks_wait_s = e->limits.passed_s, g->bound = INFINITY;
     fill(g->cause, 0.0, d), fill(g->pulled, 0.0, d), fill(g->at_first, 0.0, d);
     l->time = l->stamp = time, l->energy = e->limits.energy;
     copy(l->x, position, d), copy(l->sent, position, d), copy(l->at, position, d);
@@ -354,10 +356,7 @@ static inline void sink(const Envelope *e, Guard *g, const double *taught, doubl
         l->sunk = l->again_s < AGAIN_S ? l->sunk + counts * most(down - l->led, 0.0) * period : 0.0;
     }
     l->sinks_s = l->again_s < AGAIN_S && l->sunk > SUNK * e->limits.sink_m ? l->sinks_s + period : 0.0;
-    if (l->sinks_s > SINKS_S) {
-        hold_for(g, d, REASON_SINKS, NAN, INFINITY);
-        g->sinks_wait_s = least(2.0 * g->sinks_wait_s, LONGEST_WAIT_S);
-    }
+    if (l->sinks_s > SINKS_S) hold_for(g, d, REASON_SINKS, NAN, INFINITY);
 }
 
 /* Pushed.step */
@@ -477,9 +476,9 @@ static inline int recovers(const Envelope *e, Guard *g, const Seen *seen, double
     double value;
     if (reason == REASON_LET_GO) over = length(l->force, d) > 3.0 * limits->let_go_n;
     double wait_s = reason == REASON_BLOCKED ? g->wait_s : limits->passed_s;
-    if (reason == REASON_SINKS && !over) {
-        const double hangs = dot(l->force, l->weight, d) / load;
-        over = !((1.0 - ALONE_SHARE) * load < hangs && hangs < load + limits->alone_n), wait_s = g->sinks_wait_s;
+    if ((reason == REASON_SINKS || reason == REASON_GONE) && !over) {
+        const double off = fabs(dot(l->force, l->weight, d) / load - load);
+        over = off > most(HANGING * load, HANGING_N), wait_s = g->sinks_wait_s;
     }
     g->passed_s = over && g->known != 0.0 && g->feels_s <= 0.0 ? g->passed_s + period : 0.0;
     if (g->passed_s <= wait_s) return 0;
@@ -493,6 +492,7 @@ static inline void recovered(const Envelope *e, Guard *g) {
         copy(l->x, l->at, e->d), copy(l->sent, l->at, e->d);
         start_checker(g, e->d, l->at);
     }
+    if ((int)g->reason == REASON_GONE || (int)g->reason == REASON_SINKS) g->sinks_wait_s = least(2.0 * g->sinks_wait_s, LONGEST_WAIT_S);
     forget_pulls(l);
     forget_sinking(l);
     goes_on(g, e->d, g->reason);

@@ -43,7 +43,7 @@ ABOUT = [
     "(force estimate, model, law, roles) and its whole safety envelope are computed in this page, by the same C that comanip "
     "runs elsewhere, a hundred times a second; beam and hand a thousand times. Nothing is sent anywhere.",
     "The beam is the exact beam of comanip, held level by the robot's wrist. Your pointer leads your hand, at 0.33 m/s at most, "
-    "through a spring of 120 N/m and 20 N s/m, at most 20 N; your hand weighs 1 kg and holds the beam with a soft grip of "
+    "through a spring of 80 N/m and 14 N s/m, at most 20 N; your hand weighs 1 kg and holds the beam with a soft grip of "
     "2 kN/m. How far the elastic stretches is the force. A mouse gives no force back: you see and hear it, and do not feel it.",
     "The robots without a skill, in lessons and studies (mass-damper, damping, a plan that gives way), have no envelope but a "
     "limit of speed and acceleration. This is a simulation, and no statement about a real robot or about real people.",
@@ -119,14 +119,14 @@ def encoded(numbers: np.ndarray) -> str:
 
 def _task(skills: Mapping[str, LearnedSkill], task: str | Path | None) -> Task:
     known = named(str(task or "lift"))
+    if turning := [axis.name for axis in known.axes_ if axis.kind != "length"]:
+        raise MismatchError(f"task {known.name!r} turns along {turning[0]!r}; the page carries along straight axes alone")
     for role, one in skills.items():
         if one.axes != known.axes:
             raise MismatchError(
                 f"skill {role!r} is for the axes {', '.join(one.axes)}, task {known.name!r} has {', '.join(known.axes)}: "
                 "give another --task"
             )
-    if turning := [axis.name for axis in known.axes_ if axis.kind != "length"]:
-        raise MismatchError(f"task {known.name!r} turns along {turning[0]!r}; the page carries along straight axes alone")
     return known
 
 

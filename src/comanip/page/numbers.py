@@ -173,7 +173,7 @@ def constants(task: Task, *, dt: float) -> dict[str, Any]:
         "grid": foresight.GRID.ravel().tolist(),
         "prior": foresight.PRIOR.tolist(),
         "constants": {
-            **{name: getattr(reference, name) for name in ("AT_START", "LEAST_SPREAD_M", "INTERVENES_M_PER_S", "GAINS_PER_S", "PLACE_M")},
+            **{n: getattr(reference, n) for n in ("AT_START", "LEAST_SPREAD_M", "INTERVENES_M_PER_S", "GAINS_PER_S", "PLACE_M")},
             "PLACE_SHARE": reference.PLACE,
             **{name: getattr(whereabouts, name) for name in ("STATIONS", "FINEST", "POSITION", "PACE", "SLOW_M_PER_S")},
             **{name: getattr(taught, name) for name in ("SPEED_MARGIN", "WALL_MARGIN_M", "LED_N", "LED_SHARE", "PULL_N")},

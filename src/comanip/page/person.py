@@ -24,8 +24,8 @@ from ..signals.vectors import length
 class Hand:
     """Numbers of the hand at the handle, as `page.c` names them."""
 
-    hand_n_per_m: float = 120.0  # of a relaxed arm, 100 to 400
-    hand_ns_per_m: float = 20.0
+    hand_n_per_m: float = 80.0  # of an arm at its most relaxed, so that who goes along with the eye alone is no load
+    hand_ns_per_m: float = 14.0
     hand_kg: float = 1.0
     hand_cap_n: float = 20.0  # a third of what the envelope bears
     grip_n_per_m: float = 2000.0

@@ -232,7 +232,7 @@ class Envelope(Copied, Situation, Bounds):
         self._cause, self._bound, self._pulled = [0.0] * d, inf, [0.0] * d
         self._held, self._feels_s, self._sinks_s = False, 0.0, 0.0
         self._passes, self._passed, self._passed_s = False, "", 0.0
-        self._wait_s, self._sinks_wait_s = self.limits.passed_s, 0.5 * self.limits.passed_s
+        self._wait_s = self._sinks_wait_s = self.limits.passed_s
         limits = self.limits
         self._let_go = LetGo(
             d, self._dt, alone_n=limits.alone_n, alone_s=limits.alone_s, steady_n_s=limits.steady_n_s,

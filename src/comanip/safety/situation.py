@@ -8,7 +8,7 @@ import numpy as np
 
 from ..interfaces import Array, Observation, Skill
 from ..signals.vectors import dot, length
-from .detectors import ALONE_SHARE, HANGS_N, LIGHT_N, Pushed, Sinking
+from .detectors import HANGS_N, LIGHT_N, Pushed, Sinking
 
 RUN, COMPLY, HOLD = 0, 1, 2
 GONE = "let go: the hand carries the whole object"
@@ -16,6 +16,7 @@ SINKS = "let go or loaded: more hangs on the hand than its share"
 STUCK = "force stuck"
 PUSHED = "pushed along with {:.0f} N: sensor, or a weight on it?"
 BLOCKED, LOST = "blocked", "let go"
+HANGING, HANGING_N = 0.12, 0.6  # within this share of the object, or so many newtons, of the whole it hangs
 EDGE_M = 0.01  # nearer than this to a wall it is said
 SUNK = 0.9  # of what it may sink; nearer to its end it only creeps
 SINKS_S = 0.6  # it creeps at the end of what it may sink, and nobody answers, carries or pulls harder
@@ -70,7 +71,6 @@ class Situation:
         self._sinks_s = self._sinks_s + period if ends else 0.0
         if self._sinks_s > SINKS_S:
             self._pause(SINKS)
-            self._sinks_wait_s = min(2.0 * self._sinks_wait_s, AGAIN_S)
 
     def _press(self: Any, speed: float, period: float) -> None:
         """Against something that does not give way; sooner while it only tries whether that has gone."""
@@ -129,10 +129,10 @@ class Situation:
         if self._reason == LOST:
             over = length(self._force) > 3.0 * limits.let_go_n
         wait_s = self._wait_s if self._reason == BLOCKED else limits.passed_s
-        if self._reason == SINKS and not over:
+        if self._reason in (GONE, SINKS) and not over:
             # of nobody the whole object weighs on a hand that stands; less or more is somebody, who carries or leads down
-            hangs = dot(self._force, self._let_go.weight) / load
-            over, wait_s = not (1.0 - ALONE_SHARE) * load < hangs < load + limits.alone_n, self._sinks_wait_s
+            off = abs(dot(self._force, self._let_go.weight) / load - load)
+            over, wait_s = off > max(HANGING * load, HANGING_N), self._sinks_wait_s
         self._passed_s = self._passed_s + period if over and self._known and self._feels_s <= 0.0 else 0.0
         if self._passed_s <= wait_s:
             return
@@ -147,6 +147,8 @@ class Situation:
         if self._state == HOLD:  # from where the arm is
             self._x, self._sent = list(self._at), list(self._at)
             self._checker.start(self._at)
+        if reason in (GONE, SINKS):
+            self._sinks_wait_s = min(2.0 * self._sinks_wait_s, AGAIN_S)
         self._let_go.forget()
         self._sinking = Sinking(limits.alone_n)
         self._goes_on(reason)

@@ -57,7 +57,8 @@ def _lift(page: str) -> str:
         return ""
     return (
         "<h2>Lift with it</h2><p>Press the handle on the right and move it. The robot is the one that was just taught.</p>"
-        f'<iframe class="lift" title="Lift with the robot" sandbox="allow-scripts allow-downloads" srcdoc="{html.escape(page)}"></iframe>'
+        '<iframe class="lift" title="Lift with the robot" sandbox="allow-scripts allow-downloads" '
+        f'srcdoc="{html.escape(page)}"></iframe>'
     )
 
 
