@@ -70,8 +70,9 @@ def once(name: str, folder: Path, after_s: float, how: int) -> list[str]:
         ended = False
         (os.killpg if how == signal.SIGINT else os.kill)(process.pid, how)
     out, err = process.communicate(timeout=120)
-    wrong = [f"a traceback: {err[-300:]}"] if "Traceback" in err + out else []
-    if not ended and how == signal.SIGINT and process.returncode not in (130, 0):
+    begun = "comanip" in err + out or not err  # before that it is Python's own start, in which nobody can answer
+    wrong = [f"a traceback: {err}"] if "Traceback" in err + out and begun else []
+    if not ended and how == signal.SIGINT and process.returncode not in (130, 0) and begun:
         wrong.append(f"code {process.returncode}: {err[-200:]}")
     if not gone(process.pid, 20.0):
         wrong.append("somebody is left")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -216,7 +217,7 @@ def test_a_warning_is_said_once(capsys, monkeypatch):
 @posix
 def test_head_and_a_full_disk(tmp_path):
     done = subprocess.run(
-        f"{sys.executable} -m comanip doctor | head -1", shell=True, capture_output=True, text=True, check=False
+        f"{shlex.quote(sys.executable)} -m comanip doctor | head -1", shell=True, capture_output=True, text=True, check=False
     )
     assert done.stdout.startswith("comanip")
     assert done.stderr == ""
