@@ -22,6 +22,7 @@ from comanip.lessons.demonstration import demonstrations
 from comanip.page.export import bundle, page, write_page
 from comanip.page.serve import server
 from comanip.page.study import read_person
+from comanip.web.report import _lift
 from page.browser import Finger, browser, handle, lead, needs_browser, opened, settled, until
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
@@ -237,3 +238,17 @@ def test_it_is_served_here_and_to_nobody_who_calls_it_otherwise(skills: dict[str
             with pytest.raises(urllib.error.HTTPError, match="404"):
                 urllib.request.urlopen(other)
         running.shutdown()
+
+
+def test_the_report_of_a_demo_holds_the_page_in_a_frame_of_its_own(one: Any, file: Path, tmp_path: Path) -> None:
+    report = tmp_path / "report.html"
+    report.write_text(f"<!doctype html><title>report</title>{_lift(file.read_text())}")
+    tab = one.new_page()
+    tab.goto(report.as_uri())
+    until(tab, "document.querySelector('iframe') !== null")
+    end = time.monotonic() + 15.0
+    while tab.frames[1].evaluate("document.documentElement.dataset.ready") != "yes":
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert tab.title() == "report"
+    tab.close()
