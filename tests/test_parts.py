@@ -134,7 +134,7 @@ def test_new_parts_are_taught_stored_learned_run_and_tried(house):
     assert shown["law"] == "stiller"
     asked = "--role follower --law stiller --partners 1 --misbehaving 0 --skill skill.json --workers 1 --task hoist --json"
     tried = json.loads(run(house, "trial", *asked.split()))
-    assert list(tried) == ["hoist"]
+    assert list(tried) == ["hoist", "about"]
     assert tried["hoist"]["follower"]["stiller"]["partners"] == 1
 
 

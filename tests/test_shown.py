@@ -109,10 +109,12 @@ def test_report_shows_names_as_text():
 
 def flags() -> set[str]:
     """All flags of all commands."""
-    from comanip.commands import app
+    from comanip.commands import app, on_the_page
 
     shared = {name for one in (DataFlags, LearnFlags) for name in one.__dataclass_fields__}
-    commands = [f for f in vars(app).values() if inspect.isfunction(f) and f.__module__ == app.__name__]
+    commands = [
+        f for one in (app, on_the_page) for f in vars(one).values() if inspect.isfunction(f) and f.__module__ == one.__name__
+    ]
     own = {name for command in commands for name in inspect.signature(command).parameters}
     return {"--" + name.replace("_", "-") for name in shared | own}
 

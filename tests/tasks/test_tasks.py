@@ -175,9 +175,9 @@ def test_ones_own_task_is_a_file(own, capsys):
     assert np.abs(first).max() < 1.5  # the weight is gone, along the axis that the file calls upright
     raw = replace_force(lesson)
     assert np.abs(demonstrations([raw], rate_hz=100.0)[0].force[:20]).max() < 1.5
-    trying.trial(["follower"], 3, 7, "beam", ["default"], [], None, [], [str(own)], False, 0.0, None, 1, False, True)
+    trying.trial(["follower"], 3, 7, "beam", ["default"], [], [], None, [], [str(own)], False, 0.0, None, 1, False, True)
     result = json.loads(capsys.readouterr().out)
-    assert list(result) == ["over-the-wall"]
+    assert list(result) == ["over-the-wall", "about"]
     assert result["over-the-wall"]["follower"]["default"]["partners"] == 3
     told = set(result["over-the-wall"]["follower"]["default"])
     assert {"success", "interval", "effort", "time_s", "clearance_m", "vibration_n"} <= told

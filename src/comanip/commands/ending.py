@@ -30,6 +30,7 @@ def keeping(text: str) -> None:
 
 def ended_by(command: Callable[[], Any], wrong_usage: type[Exception]) -> int:
     """Runs a command to its end, says in one line why it ended if not well, and gives the exit code."""
+    _kept.clear()
     from ..evaluation.shown import never_fails
 
     for stream in (sys.stdout, sys.stderr):
