@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from math import exp
+from math import exp, nan
 from operator import attrgetter
 from typing import Any
 
@@ -32,8 +32,8 @@ from ..tasks import Task
 VERSION = 1
 HEADER = (
     "version", "d", "dt", "changes", "leads", "goals", "states", "heard", "filters", "strengths", "stations", "plans", "alike",
-    "keep", "model_dt", "pull_s", "bias_s", "told", "most_pulls", "most_before", "swing", "late", "blend", "average", "ticks",
-    "mass", "share", "moving", "b0", "b1", "b2", "a1", "a2", "gate", "patience",
+    "keep", "model_dt", "pull_s", "bias_s", "told", "most_pulls", "most_before", "swing", "beside", "late", "blend", "average",
+    "ticks",    "mass", "share", "moving", "b0", "b1", "b2", "a1", "a2", "gate", "patience",
 )  # fmt: skip
 TARE_S, MOVING_M_PER_S = 0.25, 0.01
 FLOOR, GATE, PATIENCE = 1e-6, 20.0, 3  # of models.filtering.StateFilter where nobody says another
@@ -97,6 +97,7 @@ def _sizes(skill: Any) -> dict[str, float]:
         "alike": 0 if foresight is None else foresight.shared()[6], "keep": 0.0 if foresight is None else foresight.shared()[7],
         "model_dt": watch.model_dt, "pull_s": PULL_S, "bias_s": BIAS_S, "told": -1 if told is None else told,
         "most_pulls": skill._let_go._pulls.maxlen, "most_before": skill._let_go._before.maxlen, "swing": skill._let_go._swing,
+        "beside": nan if skill.limits.begins_beside_m is None else skill.limits.begins_beside_m,
         "gate": watch.filter.gate, "patience": watch.filter.patience,
     }  # fmt: skip
 
@@ -157,7 +158,7 @@ def constants(task: Task, *, dt: float) -> dict[str, Any]:
         "alike": len(foresight.PACES) * len(foresight.LATE_S),
         "keep": exp(-dt / foresight.FELT_S), "pull_s": PULL_S, "bias_s": BIAS_S, "gate": GATE, "patience": PATIENCE,
         "most_pulls": max(round(detectors.SLOW_SWING_S / dt), 1), "most_before": 1 + max(round(detectors.STILL_S / dt), 1),
-        "swing": max(round(detectors.SWING_S / dt), 1), **_weighing(dt, task, EXPECTED_DELAY_S),
+        "swing": max(round(detectors.SWING_S / dt), 1), "beside": taught.BESIDE_M, **_weighing(dt, task, EXPECTED_DELAY_S),
     }  # fmt: skip
     return {
         "header": {name: float(value) for name, value in header.items()},

@@ -2,7 +2,7 @@
 
 #define HEADER(X) \
     X(version) X(d) X(dt) X(changes) X(leads) X(goals) X(states) X(heard) X(filters) X(strengths) X(stations) X(plans) X(alike) X(keep) \
-    X(model_dt) X(pull_s) X(bias_s) X(told) X(most_pulls) X(most_before) X(swing) X(late) X(blend) X(average) X(ticks) X(mass) X(share) \
+    X(model_dt) X(pull_s) X(bias_s) X(told) X(most_pulls) X(most_before) X(swing) X(beside) X(late) X(blend) X(average) X(ticks) X(mass) X(share) \
     X(moving) X(b0) X(b1) X(b2) X(a1) X(a2) X(gate) X(patience)
 typedef struct { HEADER(A_NUMBER) } Header;
 
@@ -126,7 +126,9 @@ static void lay_envelope(Robot *b, Envelope *e, const double *limits, const doub
     *e = (Envelope){.d = (int)h->d, .most_pulls = (int)h->most_pulls, .most_before = (int)h->most_before, .swing = (int)h->swing};
     memcpy(&e->limits, limits, sizeof e->limits);
     e->rules.v_max = e->limits.v_max, e->rules.a_max = e->limits.a_max, e->rules.dt = e->limits.dt;
-    for (int i = 0; i < e->d; i++) e->low[i] = e->rules.low[i] = walls[2 * i], e->high[i] = e->rules.high[i] = walls[2 * i + 1];
+    b->whole.beside = h->beside;
+    for (int i = 0; i < e->d; i++) b->whole.low[i] = b->guard.low[i] = walls[2 * i], b->whole.high[i] = b->guard.high[i] = walls[2 * i + 1];
+    wall_in(e, &b->guard);
     e->now = &b->guard.ledger, e->tank = &b->tank;
     e->pulls = room(memory, (double)e->most_pulls * e->d), e->before = room(memory, (double)e->most_before * e->d);
 }
