@@ -33,7 +33,7 @@ VERSION = 1
 HEADER = (
     "version", "d", "dt", "changes", "leads", "goals", "states", "heard", "filters", "strengths", "stations", "plans", "alike",
     "keep", "model_dt", "pull_s", "bias_s", "told", "most_pulls", "most_before", "swing", "beside", "late", "blend", "average",
-    "ticks",    "mass", "share", "moving", "b0", "b1", "b2", "a1", "a2", "gate", "patience",
+    "ticks", "mass", "share", "moving", "b0", "b1", "b2", "a1", "a2", "gate", "patience",
 )  # fmt: skip
 TARE_S, MOVING_M_PER_S = 0.25, 0.01
 FLOOR, GATE, PATIENCE = 1e-6, 20.0, 3  # of models.filtering.StateFilter where nobody says another
