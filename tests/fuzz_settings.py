@@ -103,11 +103,11 @@ def spoilt(content: Any, rng: np.random.Generator) -> Any:
         if how == 0:
             del at[key]
         elif how == 1 and isinstance(at, list):
-            at.append(at[key])
+            at.append(copy.deepcopy(at[key]))
         elif how == 2 and isinstance(at[key], float | int):
             at[key] = at[key] * float(rng.choice([-1.0, 0.0, 1e6, 1e-6, 1e200]))
         else:
-            at[key] = EXTREME[int(rng.integers(len(EXTREME)))]
+            at[key] = copy.deepcopy(EXTREME[int(rng.integers(len(EXTREME)))])
     return content
 
 
