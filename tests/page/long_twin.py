@@ -15,7 +15,7 @@ from comanip.lessons.demonstration import demonstrations
 from comanip.page.numbers import numbers, robot
 from comanip.tasks import named
 from comanip.teaching import ROLES, teach
-from page.worlds import DT, in_page, in_python, wandering
+from page.worlds import DT, Rearmed, in_page, in_python, wandering
 
 
 def main(ticks: int) -> None:
@@ -27,9 +27,11 @@ def main(ticks: int) -> None:
         holds = np.ones(len(trace))
         for at in range(60_000, len(trace) - 20_000, 100_000):  # lets go now and then, and asks to go on
             holds[at : at + 3000] = 0.0
+        asks = {n for n in range(200, ticks, 200) if holds[10 * n] > 0.0}  # every two seconds: the tick of a period begins with it
+        holds[[10 * n for n in asks]] = -1.0
         with tempfile.TemporaryDirectory() as folder:
             found = in_page(Path(folder), task, trace, holds=holds, numbers=numbers(robot(skills, role, dt=DT), task))
-        recording = in_python(task, trace, holds=holds, skill=robot(skills, role, dt=DT))
+        recording = in_python(task, trace, holds=holds, skill=Rearmed(robot(skills, role, dt=DT), asks))
         apart = {
             name: float(np.abs(found[name] - recording[name].values).max())
             for name in found
