@@ -118,3 +118,65 @@ static inline int clipped(const Envelope *e, const Ledger *l, const double *aske
     for (int i = 0; i < d; i++) v[i] = l->v[i] + (v[i] - l->v[i]) * (most_change / far);
     return length(v, d) <= fastest(e, l, v) + 1e-12;
 }
+
+/* Envelope._readings and Stuck.step */
+static inline int stands_still(const Envelope *e, Ledger *l, const double *sensed, const double *force, double speed, double period) {
+    int stuck = 0;
+    for (int i = 0; i < e->d; i++) {
+        if (sensed[i] == sensed[i]) l->senses[i] = 1.0;
+        const double reading = sensed[i] == sensed[i] ? sensed[i] : l->senses[i] != 0.0 ? l->reading[i] : force[i];
+        const double change = fabs(reading - l->reading[i]);
+        l->reading[i] = reading;
+        if (change == 0.0) {
+            l->same_s[i] += period;
+            l->same_m[i] += speed * period;
+            const int fine = l->changes[i] >= LIVELY && l->smallest[i] < FINE * l->usual[i] && reading != l->dead[i];
+            stuck |= l->same_m[i] > e->limits.stuck_m || (fine && l->same_s[i] > e->limits.stuck_s + 1e-9);
+            if (!fine && l->same_s[i] > 0.5 * e->limits.stuck_s) l->dead[i] = reading;
+            continue;
+        }
+        l->same_s[i] = l->same_m[i] = 0.0;
+        if (is_finite(change)) {
+            l->changes[i] += 1.0;
+            l->smallest[i] = least(l->smallest[i], change);
+            l->usual[i] += (change - l->usual[i]) / least(l->changes[i], 100.0);
+        }
+    }
+    return stuck;
+}
+
+/* Sinking.step and Envelope._sink */
+static inline int sinks(const Envelope *e, Ledger *l, const double *taught, double period) {
+    const int d = e->d;
+    const double load = load_of(l, d);
+    if (load > LIGHT_N) {
+        const double more = dot(l->force, l->weight, d) / (load * load), down = dot(l->v, l->weight, d) / load;
+        l->since_up_s = down < -LED_UP_M_S ? 0.0 : l->since_up_s + period;
+        const double *lacks = l->since_up_s < TURNS_S ? TURNS : LACKS;
+        l->lack_peak = most(more, l->lack_peak - period / LACK_PEAK_S * l->lack_peak);
+        const int answers = l->lack_peak > PULLS && more < YIELDS * l->lack_peak;
+        const int doubtful = more < 1.0 + e->limits.alone_n / load && !answers;
+        const double counts = doubtful ? least(most((more - lacks[0]) / (lacks[1] - lacks[0]), 0.0), 1.0) : 0.0;
+        l->again_s = counts > 0.0 ? 0.0 : l->again_s + period;
+        l->led = LED_DOWN * most(dot(taught, l->weight, d) / load, 0.0) * least(most((LETS - more) / (LETS - HELPS), 0.0), 1.0);
+        l->sunk = l->again_s < AGAIN_S ? l->sunk + counts * most(down - l->led, 0.0) * period : 0.0;
+    }
+    l->sinks_s = l->again_s < AGAIN_S && l->sunk > SUNK * e->limits.sink_m ? l->sinks_s + period : 0.0;
+    return l->sinks_s > SINKS_S;
+}
+
+/* Pushed.step */
+static inline void pushing(const Envelope *e, Ledger *l, double period) {
+    const double speed = length(l->v, e->d), along = speed > 0.0 ? dot(l->force, l->v, e->d) / speed : 0.0;
+    l->push_peak = most(along, l->push_peak - period / PEAK_S * l->push_peak);
+    const double beyond = along > YIELDS * l->push_peak ? along - e->limits.pushed_n : -e->limits.pushed_n;
+    l->work = most(l->work + beyond * speed * period, 0.0);
+}
+
+/* Shaking.step */
+static inline void shaken(const Envelope *e, Ledger *l, double period) {
+    const double share = 1.0 - exp(-2.0 * PI * period);
+    for (int i = 0; i < e->d; i++) l->slow[i] += share * (l->force[i] - l->slow[i]);
+    l->mean += least(period / 0.5, 1.0) * (apart(l->force, l->slow, e->d) - l->mean);
+    l->amplitude = 1.57 * l->mean;
+}

@@ -175,33 +175,6 @@ static inline double clocked(const Envelope *e, Guard *g, double t) {
     return period;
 }
 
-/* Envelope._readings and Stuck.step */
-static inline int stands_still(const Envelope *e, Guard *g, const double *sensed, const double *force, double speed, double period) {
-    Ledger *l = &g->ledger;
-    int stuck = 0;
-    for (int i = 0; i < e->d; i++) {
-        if (sensed[i] == sensed[i]) l->senses[i] = 1.0;
-        const double reading = sensed[i] == sensed[i] ? sensed[i] : l->senses[i] != 0.0 ? l->reading[i] : force[i];
-        const double change = fabs(reading - l->reading[i]);
-        l->reading[i] = reading;
-        if (change == 0.0) {
-            l->same_s[i] += period;
-            l->same_m[i] += speed * period;
-            const int fine = l->changes[i] >= LIVELY && l->smallest[i] < FINE * l->usual[i] && reading != l->dead[i];
-            stuck |= l->same_m[i] > e->limits.stuck_m || (fine && l->same_s[i] > e->limits.stuck_s + 1e-9);
-            if (!fine && l->same_s[i] > 0.5 * e->limits.stuck_s) l->dead[i] = reading;
-            continue;
-        }
-        l->same_s[i] = l->same_m[i] = 0.0;
-        if (is_finite(change)) {
-            l->changes[i] += 1.0;
-            l->smallest[i] = least(l->smallest[i], change);
-            l->usual[i] += (change - l->usual[i]) / least(l->changes[i], 100.0);
-        }
-    }
-    return stuck;
-}
-
 /* LetGo.weigh */
 static inline void weigh(const Envelope *e, Ledger *l, const double *sensed, const double *force, int at_rest) {
     Axes pull;
@@ -277,7 +250,7 @@ static inline void sensing(const Envelope *e, Guard *g, const Seen *seen, double
     if (!problem && seen->time - seen->force_time > limits->stale + 1e-9)
         problem = REASON_OLD, value = 1000.0 * (seen->time - seen->force_time);
     if (problem) fault(g, problem, value);
-    if (stands_still(e, g, raw, seen->force, length(l->v, d), period)) fault(g, REASON_STUCK, NAN);
+    if (stands_still(e, l, raw, seen->force, length(l->v, d), period)) fault(g, REASON_STUCK, NAN);
     if (problem) return;
     g->known = 1.0;
     copy(l->force, seen->force, d);
@@ -338,41 +311,9 @@ static inline int carries_alone(const Envelope *e, Guard *g, double speed, doubl
     return l->for_s > AGAIN_AS_LONG[(int)least(g->mistaken, 2.0)] * limits->alone_s;
 }
 
-/* Sinking.step and Envelope._sink */
+/* Envelope._sink */
 static inline void sink(const Envelope *e, Guard *g, const double *taught, double period) {
-    Ledger *l = &g->ledger;
-    const int d = e->d;
-    const double load = load_of(l, d);
-    if (load > LIGHT_N) {
-        const double more = dot(l->force, l->weight, d) / (load * load), down = dot(l->v, l->weight, d) / load;
-        l->since_up_s = down < -LED_UP_M_S ? 0.0 : l->since_up_s + period;
-        const double *lacks = l->since_up_s < TURNS_S ? TURNS : LACKS;
-        l->lack_peak = most(more, l->lack_peak - period / LACK_PEAK_S * l->lack_peak);
-        const int answers = l->lack_peak > PULLS && more < YIELDS * l->lack_peak;
-        const int doubtful = more < 1.0 + e->limits.alone_n / load && !answers;
-        const double counts = doubtful ? least(most((more - lacks[0]) / (lacks[1] - lacks[0]), 0.0), 1.0) : 0.0;
-        l->again_s = counts > 0.0 ? 0.0 : l->again_s + period;
-        l->led = LED_DOWN * most(dot(taught, l->weight, d) / load, 0.0) * least(most((LETS - more) / (LETS - HELPS), 0.0), 1.0);
-        l->sunk = l->again_s < AGAIN_S ? l->sunk + counts * most(down - l->led, 0.0) * period : 0.0;
-    }
-    l->sinks_s = l->again_s < AGAIN_S && l->sunk > SUNK * e->limits.sink_m ? l->sinks_s + period : 0.0;
-    if (l->sinks_s > SINKS_S) hold_for(g, d, REASON_SINKS, NAN, INFINITY);
-}
-
-/* Pushed.step */
-static inline void pushing(const Envelope *e, Ledger *l, double period) {
-    const double speed = length(l->v, e->d), along = speed > 0.0 ? dot(l->force, l->v, e->d) / speed : 0.0;
-    l->push_peak = most(along, l->push_peak - period / PEAK_S * l->push_peak);
-    const double beyond = along > YIELDS * l->push_peak ? along - e->limits.pushed_n : -e->limits.pushed_n;
-    l->work = most(l->work + beyond * speed * period, 0.0);
-}
-
-/* Shaking.step */
-static inline void shaken(const Envelope *e, Ledger *l, double period) {
-    const double share = 1.0 - exp(-2.0 * PI * period);
-    for (int i = 0; i < e->d; i++) l->slow[i] += share * (l->force[i] - l->slow[i]);
-    l->mean += least(period / 0.5, 1.0) * (apart(l->force, l->slow, e->d) - l->mean);
-    l->amplitude = 1.57 * l->mean;
+    if (sinks(e, &g->ledger, taught, period)) hold_for(g, e->d, REASON_SINKS, NAN, INFINITY);
 }
 
 /* Envelope._press */

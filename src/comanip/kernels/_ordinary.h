@@ -32,32 +32,6 @@ static inline int plausible(const Envelope *e, Ledger *l, const double *x, const
     return 1;
 }
 
-/* Stuck.step of Envelope._readings */
-static inline int lives(const Envelope *e, Ledger *l, const double *sensed, double speed) {
-    int stuck = 0;
-    for (int i = 0; i < e->d; i++) {
-        if (sensed[i] == sensed[i]) l->senses[i] = 1.0;
-        const double reading = sensed[i] == sensed[i] ? sensed[i] : l->senses[i] != 0.0 ? l->reading[i] : l->force[i];
-        const double change = fabs(reading - l->reading[i]);
-        l->reading[i] = reading;
-        if (change == 0.0) {
-            l->same_s[i] += l->period;
-            l->same_m[i] += speed * l->period;
-            const int fine = l->changes[i] >= LIVELY && l->smallest[i] < FINE * l->usual[i] && reading != l->dead[i];
-            stuck |= l->same_m[i] > e->limits.stuck_m || (fine && l->same_s[i] > e->limits.stuck_s + 1e-9);
-            if (!fine && l->same_s[i] > 0.5 * e->limits.stuck_s) l->dead[i] = reading;
-            continue;
-        }
-        l->same_s[i] = l->same_m[i] = 0.0;
-        if (is_finite(change)) {
-            l->changes[i] += 1.0;
-            l->smallest[i] = least(l->smallest[i], change);
-            l->usual[i] += (change - l->usual[i]) / least(l->changes[i], 100.0);
-        }
-    }
-    return !stuck;
-}
-
 /* Jump.step, while none is pending */
 static inline int steady_zero(const Envelope *e, Ledger *l, const double *sensed, int at_rest) {
     if (!all_finite(sensed, e->d)) return 1;
@@ -110,52 +84,19 @@ static inline int partner_holds(const Envelope *e, Ledger *l, double speed, cons
     return !(l->for_s > limits->alone_s);
 }
 
-/* Sinking.step and Envelope._sink */
-static inline int carried(const Envelope *e, Ledger *l, const double *taught) {
-    const int d = e->d;
-    const double load = load_of(l, d), period = l->period;
-    if (load > LIGHT_N) {
-        const double more = dot(l->force, l->weight, d) / (load * load), down = dot(l->v, l->weight, d) / load;
-        l->lack_peak = most(more, l->lack_peak - period / LACK_PEAK_S * l->lack_peak);
-        l->since_up_s = down < -LED_UP_M_S ? 0.0 : l->since_up_s + period;
-        const double *lacks = l->since_up_s < TURNS_S ? TURNS : LACKS;
-        const int answers = l->lack_peak > PULLS && more < YIELDS * l->lack_peak;
-        const int doubtful = more < 1.0 + e->limits.alone_n / load && !answers;
-        const double counts = doubtful ? least(most((more - lacks[0]) / (lacks[1] - lacks[0]), 0.0), 1.0) : 0.0;
-        l->again_s = counts > 0.0 ? 0.0 : l->again_s + period;
-        l->led = LED_DOWN * most(dot(taught, l->weight, d) / load, 0.0) * least(most((LETS - more) / (LETS - HELPS), 0.0), 1.0);
-        l->sunk = l->again_s < AGAIN_S ? l->sunk + counts * most(down - l->led, 0.0) * period : 0.0;
-    }
-    l->sinks_s = l->again_s < AGAIN_S && l->sunk > SUNK * e->limits.sink_m ? l->sinks_s + period : 0.0;
-    return !(l->sinks_s > SINKS_S);
-}
-
-/* Pushed.step */
-static inline int led(const Envelope *e, Ledger *l, double speed) {
-    const double along = speed > 0.0 ? dot(l->force, l->v, e->d) / speed : 0.0;
-    l->push_peak = most(along, l->push_peak - l->period / PEAK_S * l->push_peak);
-    const double beyond = along > YIELDS * l->push_peak ? along - e->limits.pushed_n : -e->limits.pushed_n;
-    l->work = most(l->work + beyond * speed * l->period, 0.0);
-    return !(l->work > e->limits.pushed_j);
-}
-
 /* Envelope._press, _miss and what is left of _look */
 static inline int unremarkable(const Envelope *e, Ledger *l, double speed) {
     const Limits *limits = &e->limits;
     const int d = e->d;
-    const double size = length(l->force, d), period = l->period, share = 1.0 - exp(-2.0 * PI * period);
+    const double size = length(l->force, d), period = l->period;
     const double against = -dot(l->force, l->v, d) / most(speed, 1e-6);
     l->blocked_ns = against > limits->blocked_n ? l->blocked_ns + against * period : 0.0;
     if (load_of(l, d) <= LIGHT_N) {
         l->held = (speed >= limits->moving && l->held != 0.0) || size > limits->held_n;
         l->alone_s = l->held != 0.0 && size < limits->let_go_n && speed > limits->let_go_speed ? l->alone_s + period : 0.0;
     }
-    for (int i = 0; i < d; i++) {
-        l->slow[i] += share * (l->force[i] - l->slow[i]);
-        l->felt[i] += least(period, 1.0) * (l->force[i] - l->felt[i]);
-    }
-    l->mean += least(period / 0.5, 1.0) * (apart(l->force, l->slow, d) - l->mean);
-    l->amplitude = 1.57 * l->mean;
+    shaken(e, l, period);
+    for (int i = 0; i < d; i++) l->felt[i] += least(period, 1.0) * (l->force[i] - l->felt[i]);
     l->rest_s = speed < 0.05 ? l->rest_s + period : 0.0;
     return !(l->blocked_ns > limits->blocked_n * limits->blocked_s) && !(l->alone_s > limits->let_go_s);
 }
@@ -169,12 +110,15 @@ static inline int sense(Envelope *e, double t, const double *x, const double *f,
     for (int i = 0; i < d; i++) sensed[i] = fabs(raw[i]) < ABSURD ? raw[i] : NAN;
     const double speed = length(next.v, d);
     int measured, weighed = next.weighed >= WEIGHED_TICKS;
-    if (!timely(e, &next, t) || !plausible(e, &next, x, f, velocity) || !lives(e, &next, sensed, speed)) return 0;
+    if (!timely(e, &next, t) || !plausible(e, &next, x, f, velocity)) return 0;
+    if (stands_still(e, &next, sensed, next.force, speed, next.period)) return 0;
     const int at_rest = speed < e->limits.moving;
     if (!weighed && at_rest && length(f, d) < e->limits.tare_n && all_finite(sensed, d)) return 0; /* to be weighed */
     for (int i = 0; i < d; i++) pull[i] = f[i] - next.weight[i] * (1.0 + next.rate[i] / GRAVITY);
     if (!steady_zero(e, &next, sensed, at_rest) || !follows(e, &next)) return 0;
-    if (!partner_holds(e, &next, speed, pull, mean, &measured) || !carried(e, &next, taught) || !led(e, &next, speed)) return 0;
+    if (!partner_holds(e, &next, speed, pull, mean, &measured) || sinks(e, &next, taught, next.period)) return 0;
+    pushing(e, &next, next.period);
+    if (next.work > e->limits.pushed_j) return 0;
     if (!unremarkable(e, &next, speed)) return 0;
     if (weighed) remember(e->pulls, &next.n_pulls, e->most_pulls, d, pull);
     if (measured) remember(e->before, &next.n_before, e->most_before, d, mean);
