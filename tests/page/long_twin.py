@@ -27,7 +27,8 @@ def main(ticks: int) -> None:
         holds = np.ones(len(trace))
         for at in range(60_000, len(trace) - 20_000, 100_000):  # lets go now and then, and asks to go on
             holds[at : at + 3000] = 0.0
-        asks = {n for n in range(200, ticks, 200) if holds[10 * n] > 0.0}  # every two seconds: the tick of a period begins with it
+        # Every two seconds: the tick of a period begins with it.
+        asks = {n for n in range(200, ticks, 200) if holds[10 * n] > 0.0}
         holds[[10 * n for n in asks]] = -1.0
         with tempfile.TemporaryDirectory() as folder:
             found = in_page(Path(folder), task, trace, holds=holds, numbers=numbers(robot(skills, role, dt=DT), task))
