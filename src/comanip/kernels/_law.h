@@ -18,8 +18,9 @@ typedef struct { LAW(ONE_NUMBER) } Numbers; /* CollaborativeLaw */
     X(insist_n, insist_n) X(insist_ns_per_m, insist_ns_per_m) X(ahead_n, ahead_n) X(insist_s, insist_s) \
     X(held_m_per_s, held_m_per_s) X(resting_n, resting_n) X(resting_m_per_s, resting_m_per_s) \
     X(start_patience_s, start_patience_s) X(midway_patience_s, midway_patience_s) X(finished_m, finished_m) X(held_s, held_s) \
-    X(probe_n, probe_n) X(probe_m, probe_m) X(probe_s, probe_s) X(progress_m, progress_m) X(offers_at_start, offers_at_start) \
-    X(blend_s, blend_s)
+    X(probe_n, probe_n) X(probe_at_start_n, probe_at_start_n) X(probe_most_n, probe_most_n) X(probe_n_per_s, probe_n_per_s) \
+    X(nudge_m, nudge_m) X(settles_s, settles_s) X(probe_s, probe_s) X(progress_m, progress_m) \
+    X(probe_damping, probe_damping_ns_per_m) X(elsewhere_m, elsewhere_m) X(offers_at_start, offers_at_start) X(blend_s, blend_s)
 typedef struct { POLICY(ONE_NUMBER) } Policy; /* RolePolicy */
 
 typedef struct { /* RoleEvidence */

@@ -1,7 +1,7 @@
 /* skills/roles.py once more, whole: follows, offers to lead, leads. _law.h has the plain ticks of following and leading alone. */
 
 typedef struct { /* RoleSkill, what is not in its memory */
-    double acts, gives, answers, placed, gave_way, put_back, reached, push, meant, blend, complies_only, outside;
+    double acts, answers, placed, gave_way, put_back, reached, push, meant, blend, complies_only, outside;
     Axes place, way;
 } Role;
 
@@ -45,13 +45,13 @@ static inline void take_over(Law *l, Role *r, const double *x) {
     if (*l->moved == 0.0) *l->moved = apart(x, l->start, d) > 0.02;
     for (int i = 0; i < d && resting && *l->moved == 0.0; i++) l->bias[i] += l->bias_share * l->pull[i];
     const double patience = *l->moved != 0.0 ? policy->midway_patience_s : policy->start_patience_s;
-    if (r->placed != 0.0 && apart(x, r->place, d) > policy->probe_m) r->answers = r->placed = 0.0;
-    const double offers = apart(x, l->start, d) <= policy->probe_m ? policy->offers_at_start : 1.0;
+    if (r->placed != 0.0 && apart(x, r->place, d) > policy->elsewhere_m) r->answers = r->placed = 0.0;
+    const double offers = apart(x, l->start, d) <= policy->elsewhere_m ? policy->offers_at_start : 1.0;
     if (*l->rest_s >= patience && !finished(l) && r->answers < offers && !was_put_back(l, r, x)) {
         copy(r->place, x, d);
         r->placed = 1.0;
         heading_at(l->tables + goal_meant(l), d, *l->where.phase, r->way);
-        r->reached = r->push = r->meant = *l->held_s = r->gives = 0.0;
+        r->reached = r->push = r->meant = *l->held_s = 0.0;
         begin(l, r, PROBES);
     }
 }
@@ -63,21 +63,15 @@ static inline void probe(Law *l, Role *r, const double *x) {
     Axes off;
     for (int i = 0; i < d; i++) off[i] = x[i] - r->place[i];
     const double far = dot(off, r->way, d), along = dot(l->pull, r->way, d);
-    if (far > policy->probe_m) {
+    const double most_push = *l->moved != 0.0 ? policy->probe_n
+                             : far > policy->nudge_m ? policy->probe_at_start_n : policy->probe_most_n;
+    if (*l->rest_s == 0.0 && r->push < most_push) r->push += policy->probe_n_per_s * l->dt;
+    else *l->rest_s += l->dt;
+    if (*l->rest_s < policy->settles_s) r->reached = far;
+    if (far - r->reached > policy->progress_m || far > policy->elsewhere_m) {
         start_pace(l, closest(l->tables + goal_meant(l), d, x, *l->where.phase, AROUND_S), x, goal_meant(l), 0.0, 0);
         begin(l, r, LEADS);
-        return;
-    }
-    if (far > 2.0 * policy->progress_m) r->gives = 1.0;
-    const int stands = r->gives == 0.0 && along < -0.5 * policy->probe_n;
-    if (!stands) r->push = least(r->push + policy->probe_n * l->dt / policy->blend_s, policy->probe_n);
-    *l->rest_s += l->dt;
-    int stuck = 0;
-    if (*l->rest_s >= policy->probe_s + policy->blend_s) {
-        stuck = far - r->reached < policy->progress_m;
-        r->reached = far, *l->rest_s = policy->blend_s;
-    }
-    if (answered(l, stands, policy->probe_s) || stuck || along > policy->ahead_n) {
+    } else if (*l->rest_s >= policy->settles_s + policy->probe_s || along > policy->ahead_n) {
         copy(r->place, x, d);
         r->answers += 1.0;
         begin(l, r, FOLLOWS);
@@ -128,7 +122,7 @@ static inline void act_by_role(Law *l, Role *r, const double *x, const double *f
     const int d = l->d;
     double change = l->dt / l->policy.blend_s;
     Axes force, reference = {0}, excess, both;
-    Numbers offering = l->law, mixed;
+    Numbers offering = l->following, mixed;
     copy(l->position, x, d);
     (void)attend(l, x, felt);
     for (int i = 0; i < d; i++) {
@@ -147,9 +141,9 @@ static inline void act_by_role(Law *l, Role *r, const double *x, const double *f
     }
     r->blend += within(((int)r->acts != FOLLOWS ? 1.0 : 0.0) - r->blend, -change, change);
     if (r->blend > 0.0) led_by(l, r, x, force, reference);
-    offering.resting_damping = offering.moving_damping, offering.dead_zone = 0.0;
+    offering.resting_damping = offering.moving_damping = l->policy.probe_damping, offering.dead_zone = 0.0;
     between(&l->following, &l->law, r->blend, &mixed);
-    const Numbers *law = (int)r->acts == PROBES && r->gives != 0.0 ? &offering : &mixed;
+    const Numbers *law = (int)r->acts == PROBES ? &offering : &mixed;
     for (int i = 0; i < d; i++) excess[i] = force[i] - l->shown_expected[i], both[i] = l->compliance[i] + reference[i];
     const double moving = (int)r->acts == LEADS ? most(length(both, d), r->meant * l->clock[GOING])
                                                 : most(most(length(l->compliance, d), length(reference, d)), 0.0);
@@ -166,7 +160,7 @@ static inline void enter_role(Law *l, Role *r, const double *x, int told_to_lead
     const int resumes = last == last, led = resumes && (int)r->acts == LEADS;
     const int goal = resumes ? goal_meant(l) : *l->told >= 0.0 ? (int)*l->told : 0;
     r->outside = enter_law(l, x, goal, last, entries);
-    r->gives = r->answers = r->placed = r->gave_way = r->put_back = r->reached = r->push = 0.0;
+    r->answers = r->placed = r->gave_way = r->put_back = r->reached = r->push = 0.0;
     r->complies_only = r->outside > l->law.reach;
     r->acts = (told_to_lead || led) && r->complies_only == 0.0 ? LEADS : FOLLOWS;
     r->meant = r->blend = (int)r->acts == LEADS;

@@ -180,15 +180,21 @@ class RolePolicy:
     resting_m_per_s: float = 0.02
     resting_n: float = 1.2
     finished_m: float = 0.02  # less of the way to the shortest lesson's end, and the task is done; so is one that was put back
-    probe_n: float = 1.8  # taking over begins with a push of no more than this,
-    probe_m: float = 0.05  # and is meant from here on: who gives way so far does not hold on to his place
-    probe_s: float = 0.6  # in so long a push moves something,
-    progress_m: float = 0.004  # this much at least, or it is answered
+    probe_n: float = 1.2  # taking over begins with a push that grows to this,
+    probe_at_start_n: float = 1.8  # to this where nobody has moved yet,
+    probe_most_n: float = 4.5  # and there, if nothing moves, to this;
+    probe_n_per_s: float = 2.5  # so fast
+    nudge_m: float = 0.007  # so much is a motion
+    settles_s: float = 0.6  # then a spring has been stretched, and a person has felt it
+    probe_s: float = 0.5  # in so long who gives way goes on
+    progress_m: float = 0.003  # by this much at least; who keeps the place does not
+    probe_damping_ns_per_m: float = 8.0  # a hand that does not hold itself
+    elsewhere_m: float = 0.05  # so far from an answered offer is another place
     held_m_per_s: float = 0.01  # leading, but slower than this against a pull: he holds
     held_s: float = 0.6
-    offers_at_start: int = 2  # who was not ready is asked again; anywhere else, who keeps his place is asked once
+    offers_at_start: int = 2  # who was not ready is asked again; anywhere else, who keeps the place is asked once
     insist_n: float = 3.0  # resistance that is more than the other's inertia ...
-    insist_ns_per_m: float = 40.0  # ... and damping is a will of his own
+    insist_ns_per_m: float = 70.0  # ... and damping is a will of his own
     ahead_n: float = 3.0  # pull in the direction of motion: he wants to lead
     insist_s: float = 0.3
     blend_s: float = 0.5
@@ -244,8 +250,9 @@ class RoleSkill(Copied):
         self.evidence, self.policy = evidence, policy
         self.axes, self.dt, self._dt, d = tuple(axes), dt, dt, len(axes)
         self._laws = [_between(following, leading, n / 50.0) for n in range(51)]
-        # to who gives way, an offer must not be held up by what keeps a resting hand still
-        self._offering = replace(leading, resting_damping_ns_per_m=leading.moving_damping_ns_per_m, dead_zone_n=0.0)
+        # an offer must not be held up by what keeps a resting hand still
+        given = policy.probe_damping_ns_per_m
+        self._offering = replace(following, resting_damping_ns_per_m=given, moving_damping_ns_per_m=given, dead_zone_n=0.0)
         self._pace = Pace(references, leading, dt)
         self._where = Whereabouts(self._pace.references, dt)
         self._compliance = Compliance(d, dt)
@@ -320,7 +327,7 @@ class RoleSkill(Copied):
         self._pace.start(entry_s[goal], self._position, goal=goal, waits_s=self._pace.law.start_delay_s)
         self._phase[0] = entry_s[goal]
         self._state = LEADS if self._told_to_lead or led else FOLLOWS
-        self._gives, self._answers = False, 0
+        self._answers = 0
         self._place: Array | None = None  # where an offer was begun, or answered
         self._gave_way = self._put_back = False
         self._reached = self._push = 0.0
@@ -365,7 +372,7 @@ class RoleSkill(Copied):
         a, reference = self._blended(), self._nothing
         if a > 0.0:
             reference = self._led(x, force)
-        law = self._offering if self._state == PROBES and self._gives else self._laws[round(50 * a)]
+        law = self._offering if self._state == PROBES else self._laws[round(50 * a)]
         going = self._meant * self._pace.going if self._state == LEADS else None
         follows, ahead = self._state == FOLLOWS and not self._complies_only, self._nothing
         astray = untaught(self._compliance.velocity, self.taught) if follows else 0.0
@@ -408,15 +415,14 @@ class RoleSkill(Copied):
         self._moved[0] = self._moved[0] or _length(x - self._start) > 0.02
         if resting and not self._moved[0]:  # nobody means what is felt before anybody has moved
             self._bias += self._dt / BIAS_S * self._pull
-        patience = policy.midway_patience_s if self._moved[0] else policy.start_patience_s
-        if self._place is not None and _length(x - self._place) > policy.probe_m:
+        if self._place is not None and _length(x - self._place) > policy.elsewhere_m:
             self._answers, self._place = 0, None
-        offers = policy.offers_at_start if _length(x - self._start) <= policy.probe_m else 1
+        patience = policy.midway_patience_s if self._moved[0] else policy.start_patience_s
+        offers = policy.offers_at_start if _length(x - self._start) <= policy.elsewhere_m else 1
         if self._rest_s[0] >= patience and self._unfinished() and self._answers < offers and not self._was_put_back(x):
             self._place = x.copy()
             self._way[:] = self.reference.heading(self._where.phase)
             self._reached = self._push = self._meant = self._held_s[0] = 0.0
-            self._gives = False
             self._begin(PROBES)
 
     def _unfinished(self) -> bool:
@@ -429,28 +435,34 @@ class RoleSkill(Copied):
         return self._put_back
 
     def _probe(self, x: Array) -> None:
-        """Pushes a little harder all the time, unless it is plain already that nothing gives."""
+        """Pushes a little harder all the time until something moves, and sees whether it goes on.
+
+        Who keeps the place is a spring around it, which is stretched and stands; who gives way comes after, if late.
+        """
         policy = self.policy
         assert self._place is not None
         far, along = _dot(x - self._place, self._way), _dot(self._pull, self._way)
-        if far > policy.probe_m:
+        if self._rest_s[0] == 0.0 and self._push < self._most_push(far):
+            self._push += policy.probe_n_per_s * self._dt
+        else:
+            self._rest_s[0] += self._dt
+        if self._rest_s[0] < policy.settles_s:
+            self._reached = far
+        gives = far - self._reached > policy.progress_m or far > policy.elsewhere_m
+        if gives:
             s = self.reference.closest(x, self._where.phase, AROUND_S)
             self._pace.start(s, x, goal=self._goal, eases=False)  # what it means grows anyway
             self._begin(LEADS)
-            return
-        self._gives = self._gives or far > 2.0 * policy.progress_m
-        stands = not self._gives and along < -0.5 * policy.probe_n
-        if not stands:
-            self._push = min(self._push + policy.probe_n * self._dt / policy.blend_s, policy.probe_n)
-        self._rest_s[0] += self._dt
-        stuck = False
-        if self._rest_s[0] >= policy.probe_s + policy.blend_s:
-            stuck = far - self._reached < policy.progress_m
-            self._reached, self._rest_s[0] = far, policy.blend_s
-        if self._answered(stands, policy.probe_s) or stuck or along > policy.ahead_n:
+        elif self._rest_s[0] >= policy.settles_s + policy.probe_s or along > policy.ahead_n:
             self._place = x.copy()
             self._answers += 1
             self._begin(FOLLOWS)
+
+    def _most_push(self, far: float) -> float:
+        policy = self.policy
+        if self._moved[0]:  # who stopped at a place of their own is not to be moved away from it
+            return policy.probe_n
+        return policy.probe_at_start_n if far > policy.nudge_m else policy.probe_most_n
 
     def _give_way_if_he_insists(self, x: Array) -> None:
         """A will of his own: a pull ahead, resistance that neither speed nor the lessons explain, or a place that he keeps."""
