@@ -987,7 +987,7 @@ typedef struct {
 
 static PyTypeObject *filter_type;
 
-/* (filters, prior, centre, spread, numbers, p, probabilities, until) of roles.RoleEvidence, which hears `width` channels */
+/* (filters, prior, centre, spread, numbers, p, probabilities, until) of evidence.RoleEvidence, which hears `width` channels */
 static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch) {
     PyObject *filters, *prior, *centre, *spread, *numbers, *p, *probabilities, *until;
     Bank *b = &self->law.bank;

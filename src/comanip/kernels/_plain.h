@@ -13,7 +13,7 @@ static inline int lead_on(Law *l, const double *x, const double *felt, double *c
     const int against = -along > than->insist_n + than->insist_ns_per_m * speed || along > than->ahead_n;
     const double asks = l->clock[GOING] > than->resting_m_per_s ? than->resting_m_per_s : l->law.attraction * than->finished_m;
     const int under_way = l->clock[LED] > than->insist_s && length(l->wanted, d) > asks;
-    const int held = under_way && speed < than->held_m_per_s && length(pull, d) > than->resting_n;
+    const int held = (under_way && speed < than->held_m_per_s && length(pull, d) > than->resting_n) || leans(l, pull);
     const double against_s = against ? *l->against_s + l->dt : 0.0, held_s = most(*l->held_s + (held ? l->dt : -l->dt), 0.0);
     if (against_s >= than->insist_s || held_s >= than->held_s || !attend(l, x, felt)) return 0;
     lead_there(l, x, force, out);
@@ -47,12 +47,12 @@ static inline int follow_on(Law *l, const double *x, const double *felt, double 
     copy(l->pull, pull, d);
     *l->rest_s = rest_s, *l->moved = moved;
     double foreseen[MOST_AXES];
-    anticipated(l, &l->following, force, foreseen);
+    const double departs = ahead_of(l, &l->following, x, force, 1, foreseen);
     for (int i = 0; i < d; i++) {
         if (resting && !moved) l->bias[i] += l->bias_share * pull[i];
         force[i] -= l->shown_expected[i];
     }
-    comply(l, &l->following, force, length(l->compliance, d), untaught(l->compliance, l->taught, d), foreseen);
+    comply(l, &l->following, force, most(length(l->compliance, d), departs), untaught(l->compliance, l->taught, d), foreseen);
     send(l, &l->following, x, nothing, out);
     return 1;
 }

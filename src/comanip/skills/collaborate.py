@@ -386,23 +386,12 @@ class CollaborativeSkill(Copied):
         self._rate[0] = (s - float(self._phase[0])) / self._dt
         self._phase[0] = s
         self.taught[:] = reference.that_way(x, self._compliance.velocity)
-        speed = length(velocity)
         if self._foresight.awake:
             self._foresight.step(x.tolist(), velocity)
-            if self._foresight.awake:
-                return self._as_foreseen(force, velocity, speed)
-        self._foreseen[:] = anticipated(law, reference, s, velocity, force.tolist())
-        return self._foreseen
-
-    def _as_foreseen(self, force: Array, velocity: list[float], speed: float) -> Array:
-        """Acceleration (d,) that takes the hand along with the plans: theirs, and what damping would take from their speed."""
-        law, seen = self.law, self._foresight
-        plans, changes = seen.velocity.tolist(), seen.acceleration.tolist()
-        along = dot(force.tolist(), plans) / max(length(plans), 1e-3)
-        share = law.foresight * seen.sure * min(max((along + 2.0) / 1.5, 0.0), 1.0)
-        damped = law.moving_damping_ns_per_m / law.virtual_mass_kg
-        for i, (a, v) in enumerate(zip(changes, plans, strict=True)):
-            self._foreseen[i] = share * (a + damped * v)
+        if self._foresight.awake:
+            self._foreseen[:] = self._foresight.foreseen(law, force.tolist())
+        else:
+            self._foreseen[:] = anticipated(law, reference, s, velocity, force.tolist())
         return self._foreseen
 
 
