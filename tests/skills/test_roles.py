@@ -301,7 +301,7 @@ class Held:
 def test_who_keeps_the_place_is_neither_led_away_nor_pushed_far_by_an_offer(skills, stiffness):
     """However soft: a spring that is stretched stands, and who gives way comes after."""
     skill = told_nothing(skills)
-    x = carry(skill, lambda rng: Held(stiffness), 9.5)
+    x = carry(skill, lambda rng: Held(stiffness), 12.0)
     assert [said for _, said in skill.changes] == [FOLLOWS, PROBES, FOLLOWS]
     assert np.abs(x - START).max() <= max(1.25 * POLICY.probe_at_start_n / stiffness, POLICY.nudge_m) + 0.002
 

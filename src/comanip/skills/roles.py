@@ -60,8 +60,8 @@ class RolePolicy:
     probe_n_per_s: float = 2.5  # so fast
     nudge_m: float = 0.007  # so much is a motion
     settles_s: float = 0.7  # then a spring has been stretched, and a person has felt it
-    probe_s: float = 0.5  # in so long who gives way goes on
-    progress_m: float = 0.003  # by this much at least; who keeps the place does not
+    probe_s: float = 1.2  # in so long who gives way goes on
+    progress_m: float = 0.006  # by this much at least; who keeps the place does not, but for the unrest of the arm
     probe_damping_ns_per_m: float = 8.0  # a hand that does not hold itself
     elsewhere_m: float = 0.05  # so far from an answered offer is another place
     held_m_per_s: float = 0.01  # leading, but slower than this against a pull: he holds
@@ -308,11 +308,12 @@ class RoleSkill(Copied):
         speed, pull = _length(self._velocity), _length(self._pull)
         resting = speed < policy.resting_m_per_s and pull < policy.resting_n
         self._rest_s[0] = self._rest_s[0] + self._dt if resting else 0.0
-        self._moved[0] = self._moved[0] or _length(x - self._start) > 0.02
-        if resting and not self._moved[0]:  # nobody means what is felt before anybody has moved
-            self._bias += self._dt / BIAS_S * self._pull
         if self._place is not None and _length(x - self._place) > policy.elsewhere_m:
             self._answers, self._place = 0, None
+        if self._place is None:  # beside an offer the robot's own push has moved the hand
+            self._moved[0] = self._moved[0] or _length(x - self._start) > 0.02
+        if resting and not self._moved[0]:  # nobody means what is felt before anybody has moved
+            self._bias += self._dt / BIAS_S * self._pull
         patience = policy.midway_patience_s if self._moved[0] else policy.start_patience_s
         offers = policy.offers_at_start if _length(x - self._start) <= policy.elsewhere_m else 1
         if self._rest_s[0] >= patience and self._unfinished() and self._answers < offers and not self._was_put_back(x):
