@@ -122,7 +122,7 @@ def main() -> None:
     words.add_argument("--task", nargs="+", default=["lift"])
     words.add_argument("--role", nargs="+", default=["follower", "leader"])
     words.add_argument("--lessons", nargs="+", type=int, default=[5, 50, 500])
-    words.add_argument("--seconds", type=float, default=8.0, help="of CPU time that each may take")
+    words.add_argument("--seconds", type=float, default=4.0, help="of CPU time that each may take")
     words.add_argument("--seed", type=int, default=0)
     asked = words.parse_args()
     for kind in asked.kind:

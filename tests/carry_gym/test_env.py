@@ -161,6 +161,13 @@ def test_every_task_runs_in_every_role(task, monkeypatch):
     [
         ([np.nan], r"action is \[nan\]; allowed: \(1,\) finite numbers of a velocity \[m/s\]"),
         ([np.inf], "inf"),
+        (["0.1"], r"action is \['0.1'\]; allowed: \(1,\) finite numbers of a velocity"),
+        ([1j], "action is"),
+        ([True], r"action is \[True\]"),
+        (np.ma.array([0.1], mask=[True]), "action is masked_array"),
+        (np.array([None]), "action is array"),
+        ([], r"action has shape \(0,\)"),
+        ({"robot": 0.1}, "action is {'robot': 0.1}"),
         ([0.1, 0.1], r"action has shape \(2,\); allowed: \(1,\)"),
         (0.1, r"action has shape \(\)"),
         ("up", "action is 'up'"),
@@ -188,13 +195,89 @@ def test_a_bad_action_is_one_clear_error_and_the_run_goes_on_as_if_nothing_was(a
         ({"people": 7}, "people is 7"),
         ({"plant": "moon"}, "plant 'moon' is unknown; there are: beam"),
         ({"action": "torque"}, "action 'torque' is unknown; there are: velocity, acceleration"),
+        ({"action": ["velocity"]}, "is unknown; there are: velocity, acceleration"),
+        ({"task": None}, "task 'None' is unknown; there are: lift"),
+        ({"task": ["lift"]}, "is unknown; there are: lift"),
+        ({"role": 3}, "role '3' is unknown"),
+        ({"people": []}, r"people is \[\]"),
+        ({"people": ["usual", 3]}, "allowed: usual, tuning"),
+        ({"plant": None}, "plant 'None' is unknown"),
         ({"history": 0}, "history is 0"),
-        ({"misbehaving": 2.0}, "misbehaving is a share"),
+        ({"history": True}, "history is True"),
+        ({"history": 1.5}, "history is 1.5"),
+        ({"misbehaving": 2.0}, r"misbehaving is 2.0 \(float\); allowed: a share of the partners, 0 to 1"),
+        ({"misbehaving": None}, "misbehaving is None"),
+        ({"misbehaving": np.float64("nan")}, r"misbehaving is nan \(float\)"),
+        ({"dt": 0.0}, r"dt is 0.0 \(float\); allowed: a control period in \(0, 0.1\] s"),
+        ({"dt": "fast"}, "dt is 'fast'"),
+        ({"dt": np.inf}, "dt is inf"),
+        ({"envelope": "yes"}, r"envelope is 'yes' \(str\); allowed: True, False"),
+        ({"ends_early": 1}, "ends_early is 1"),
+        ({"by_kind": True}, "argument 'by_kind' is unknown; there are: task, role, people, misbehaving"),
+        ({"gravity": 9.81}, "argument 'gravity' is unknown"),
     ],
 )
 def test_what_does_not_exist_is_said_with_what_does(about, says):
-    with pytest.raises(ParameterError, match=says):
-        make(**about).reset(seed=0)
+    for kind in (comanip.gym.CarryEnv, lambda **more: comanip.gym.CarryVectorEnv(2, **more)):
+        with pytest.raises(ParameterError, match=says):
+            kind(**about)
+    if not {"people", "misbehaving", "by_kind"} & set(about):
+        with pytest.raises(ParameterError, match=says):
+            comanip.gym.CarryPair(**about)
+
+
+@pytest.mark.parametrize("most", [0, -1, 2.5, "ten", True])
+def test_a_number_of_ticks_is_whole_and_positive(most):
+    with pytest.raises(ParameterError, match=r"most_ticks is .*; allowed: a whole number, 1 or more"):
+        make(most_ticks=most)
+
+
+@pytest.mark.parametrize(
+    ("how", "says"),
+    [
+        ({"seed": -1}, r"seed is -1 \(int\); allowed: a whole number, 0 or more"),
+        ({"seed": "x"}, "seed is 'x'"),
+        ({"seed": 1.5}, "seed is 1.5"),
+        ({"seed": True}, "seed is True"),
+        ({"options": 3}, r"options is 3 \(int\); allowed: {'case': case}"),
+        ({"options": ["case"]}, "options is"),
+        ({"options": {"case": 3}}, "case is int; allowed: a trials.Case"),
+        ({"options": {"case": trial_cases("leader", 1)[0]}}, "role is 'leader'; this environment's is 'follower'"),
+        ({"options": {"case": trial_cases("follower", 1, task="slide")[0]}}, "task is 'slide'; this environment's is 'lift'"),
+    ],
+)
+def test_a_bad_reset_is_one_clear_error_and_the_run_before_it_goes_on(how, says):
+    kinds = (comanip.gym.CarryEnv, lambda: comanip.gym.CarryVectorEnv(2), comanip.gym.CarryPair)
+    quiet = ([0.1], [[0.1], [0.1]], {"robot": [0.1], "partner": [0.0]})
+    for kind, said in zip(kinds, quiet, strict=True):
+        env, other = kind(), kind()
+        env.reset(seed=2)
+        other.reset(seed=2)
+        for _ in range(3):
+            with pytest.raises(ParameterError, match=says if kind is not kinds[1] else r"seed is|options is|case"):
+                env.reset(**how)
+            assert repr(env.step(said)[0]) == repr(other.step(said)[0])
+
+
+def test_a_picture_that_nobody_asked_for_is_said_and_the_run_goes_on():
+    import comanip.gym as room
+
+    for kind, said in ((room.CarryEnv, [0.1]), (room.CarryPair, {"robot": [0.1], "partner": [0.0]})):
+        with pytest.raises(ParameterError, match=r"no episode has begun: call reset\(\) before render"):
+            kind(render_mode="rgb_array").render()
+        env = kind()
+        env.reset(seed=0)
+        with pytest.raises(ParameterError, match=r"render_mode is None, so nothing is drawn; .* render_mode='rgb_array'"):
+            env.render()
+        env.step(said)
+    with pytest.raises(ParameterError, match="render_mode is None"):
+        room.CarryVectorEnv(1).render()
+
+
+@pytest.mark.parametrize(("partners", "seed"), [(0, 7), (-1, 7), (1.5, 7), ("x", 7), (1, -1), (1, "x"), (1, None)])
+def test_partners_are_asked_for_by_whole_numbers(partners, seed):
+    with pytest.raises(ParameterError, match=r"(partners|seed) is .*; allowed: a whole number"):
+        trial_cases("follower", partners, seed)
 
 
 def test_stepping_after_the_end_and_before_the_start_is_said():
@@ -240,8 +323,7 @@ def test_a_picture_shows_where_the_hand_is():
         env.step([0.3])
     rows = [np.argwhere((image == (38, 84, 124)).all(axis=2))[:, 0].mean() for image in (first, env.render())]
     assert rows[1] < rows[0] - 20.0, "a hand that was lifted is drawn higher"
-    assert make().render() is None
-    with pytest.raises(ParameterError, match="render_mode is 'human'; allowed: rgb_array"):
+    with pytest.raises(ParameterError, match=r"render_mode is 'human' \(str\); allowed: rgb_array"):
         comanip.gym.CarryEnv(render_mode="human")
 
 

@@ -57,14 +57,24 @@ def test_a_led_robot_carries_with_an_agent_and_one_that_holds_does_not():
 
 
 @pytest.mark.parametrize(
-    "bad", [{"robot": [0.0]}, {"robot": [0.0], "partner": [np.nan]}, {"robot": [0.0, 1.0], "partner": [0.0]}]
+    "bad",
+    [
+        {"robot": [0.0]},
+        {"robot": [0.0], "partner": [np.nan]},
+        {"robot": [0.0, 1.0], "partner": [0.0]},
+        {"robot": [0.0], "partner": ["0.0"]},
+        {"robot": [0.0], "partner": [0.0], "third": [0.0]},
+        {},
+        None,
+        [[0.0], [0.0]],
+    ],
 )
 def test_a_bad_action_is_one_error_and_nothing_has_moved(bad):
     env, other = CarryPair(), CarryPair()
     env.reset(seed=1)
     other.reset(seed=1)
     for _ in range(10):
-        with pytest.raises(ParameterError, match="action"):
+        with pytest.raises(ParameterError, match=r"action|agent"):
             env.step(bad)
         good = {"robot": [0.05], "partner": [0.0]}
         assert env.step(good)[0]["robot"].tobytes() == other.step(good)[0]["robot"].tobytes()
