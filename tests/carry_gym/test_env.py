@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import warnings
@@ -12,13 +13,15 @@ import pytest
 gymnasium = pytest.importorskip("gymnasium", reason="the extra gym is not installed")
 
 import comanip.gym  # noqa: E402
+from comanip.commands.trying import summary  # noqa: E402
 from comanip.errors import ParameterError  # noqa: E402
 from comanip.gym import Setting, trial_cases  # noqa: E402
 from comanip.gym.episode import LOST, SUCCESS, Episode  # noqa: E402
 from comanip.parts import TASKS  # noqa: E402
 from comanip.skills.baselines import MassDamper  # noqa: E402
 from comanip.tasks import named  # noqa: E402
-from comanip.trials import contestant, judge, run_case  # noqa: E402
+from comanip.trials import contestant, judge, run_case, run_cases  # noqa: E402
+from comanip.trials.board import about, entries, gathered  # noqa: E402
 from comanip.trials.people import meet  # noqa: E402
 
 RUNNABLE = [name for name in TASKS if not named(name).needs]
@@ -327,30 +330,147 @@ def test_a_picture_shows_where_the_hand_is():
         comanip.gym.CarryEnv(render_mode="human")
 
 
+def who_ignores(policy, start, goal):
+    """One that says no velocity, one that goes back to where it began, and one that lifts in 2 s whatever it feels."""
+    t = [0.0]
+
+    def act(obs):
+        t[0] += 0.01
+        if policy == "nothing":
+            return np.zeros(len(goal))
+        s = min(t[0] / 2.0, 1.0)
+        share = s**3 * (10.0 + s * (-15.0 + 6.0 * s)) if policy == "lifts alone" else 0.0
+        return 5.0 * (start + share * goal - obs[: len(goal)])
+
+    return act
+
+
+def won(task, role, policy, partners, seed):
+    """With how many of so many partners who behave."""
+    env = make(task, role, misbehaving=0.0)
+    goal = np.resize(np.array(getattr(named(task).phases[0], "to", None) or 0.3), env.action_space.shape)
+    cases = trial_cases(role, partners, seed=seed, task=task, misbehaving=0.0)
+    return sum(played(env, who_ignores(policy, case.start_m, goal), options={"case": case})[2]["success"] for case in cases)
+
+
+@pytest.mark.parametrize("seed", [11, 90210])
 @pytest.mark.parametrize("task", ["lift", "slide", "round-the-corner"])
 @pytest.mark.parametrize("policy", ["nothing", "holds", "lifts alone"])
-def test_who_ignores_the_partner_scores_nothing(task, policy, monkeypatch):
+def test_who_ignores_the_partner_scores_nothing(task, policy, seed, monkeypatch):
     """Of partners who behave: a follower who moves first has lost, and a score is the worst role's (docs/gym.md)."""
     monkeypatch.setattr(Setting, "learned", lambda self: {})
-    goal, good = np.array(named(task).phases[0].to), []
-    for role in ("leader", "follower"):
-        env, won = make(task, role, misbehaving=0.0), 0
-        d = env.action_space.shape[0]
-        for case in trial_cases(role, 6, seed=11, task=task, misbehaving=0.0):
-            t, start = [0.0], case.start_m
+    good = {role: won(task, role, policy, 3, seed) for role in ("leader", "follower", "auto")}
+    assert good["follower"] == 0
+    assert policy == "lifts alone" or sum(good.values()) == 0
 
-            def act(obs, t=t, start=start, d=d):
-                t[0] += 0.01
-                if policy == "nothing":
-                    return np.zeros(d)
-                s = min(t[0] / 2.0, 1.0)
-                share = s**3 * (10.0 + s * (-15.0 + 6.0 * s)) if policy == "lifts alone" else 0.0
-                return 5.0 * (start + share * goal - obs[:d])
 
-            won += played(env, act, options={"case": case})[2]["success"]
-        good.append(won / 6)
-    assert min(good) == 0.0
-    assert policy == "lifts alone" or max(good) == 0.0
+@pytest.mark.parametrize("task", RUNNABLE)
+def test_who_does_nothing_or_holds_succeeds_nowhere_also_where_a_task_ends_where_it_began(task, monkeypatch):
+    monkeypatch.setattr(Setting, "learned", lambda self: {})
+    got = {(role, policy): won(task, role, policy, 1, 5) for role in ("leader", "follower") for policy in ("nothing", "holds")}
+    assert got == dict.fromkeys(got, 0)
+
+
+def test_the_board_gives_them_a_score_of_nothing(tmp_path, skills):
+    """The whole way: files, trials in three roles, results, the table. One that lifts alone leads well, and scores 0."""
+    alone = f"""
+class Policy:
+    def __init__(self):
+        self.reset()
+
+    def reset(self):
+        self.n, self.start = 0, None
+
+    def __call__(self, seen):
+        self.n, self.start = self.n + 1, seen[0] if self.start is None else self.start
+        s = min(self.n / 200, 1.0)
+        return [5.0 * (self.start + s**3 * (10.0 + s * (-15.0 + 6.0 * s)) * {named("lift").phases[0].to[0]} - seen[0])]
+"""
+    policies = {
+        "nothing": "def policy(seen): return [0.0]\n",
+        "holds": "def policy(seen): return [5.0 * (0.85 - seen[0])]\n",
+        "alone": alone,
+    }
+    for name, text in policies.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    laws, result = [str(tmp_path / f"{name}.py") for name in policies], {}
+    met = {role: trial_cases(role, 4, seed=77, misbehaving=0.0) for role in ("leader", "follower", "auto")}
+    for role, cases in met.items():
+        result[role] = {law: summary(run_cases(cases, skills, law, workers=1), cases) for law in laws}
+    every = [case for cases in met.values() for case in cases]
+    told = about(every, laws, version="1", plant="beam", tasks=["lift"], by_task=False)
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "all.json").write_text(json.dumps({**result, "about": told}))
+    ranked = {one.law.split(".")[0]: one for one in entries(gathered(tmp_path / "results"))}
+    assert {law: one.worst.score for law, one in ranked.items()} == dict.fromkeys(policies, 0.0)
+    led = {row.role: row.score for row in ranked["alone"].rows}
+    assert led["leader"] > 0.0, "the one that lifts alone does lift, and its score is 0 all the same"
+    assert max(row.score for law in ("nothing", "holds") for row in ranked[law].rows) == 0.0
+
+
+@pytest.mark.parametrize("about", [{}, {"action": "acceleration"}, {"envelope": False}, {"task": "round-the-corner"}])
+def test_what_is_beyond_the_action_space_is_clipped_to_the_byte(about, monkeypatch):
+    monkeypatch.setattr(Setting, "learned", lambda self: {})
+    one, other = (make(role="leader", **about) for _ in range(2))
+    one.reset(seed=1)
+    other.reset(seed=1)
+    most, d = one.setting.seen.most, one.action_space.shape[0]
+    assert one.action_space.high.tolist() == pytest.approx([most] * d, rel=1e-6)
+    for k in range(40):
+        sign = np.sign(np.sin(0.2 * k + np.arange(d)) + 0.01)
+        assert one.step(1e3 * most * sign)[0].tobytes() == other.step(most * sign)[0].tobytes()
+
+
+def test_what_is_said_moves_the_hand_from_the_next_observation_on_and_not_before(monkeypatch):
+    monkeypatch.setattr(Setting, "learned", lambda self: {})
+    still, moved = make(role="leader"), make(role="leader")
+    still.reset(seed=3)
+    moved.reset(seed=3)
+    differ = []
+    for k in range(20):
+        a, b = still.step([0.0])[0], moved.step([0.05 if k == 10 else 0.0])[0]
+        differ += [k] if (a != b).any() else []
+    assert 10 <= differ[0] <= 12, "said at tick 10, and 20 ms of an actuator"
+    assert differ == list(range(differ[0], 20))
+
+
+def test_what_is_seen_is_position_velocity_and_force_of_now():
+    """The next place is this one and dt times the velocity; the force is that of the partner, to the estimate's lag."""
+    env = make(misbehaving=0.0, ends_early=False)
+    obs, _ = env.reset(seed=0)
+    rows, felt = [obs], [0.0]
+    over = False
+    while not over:
+        obs, _, over, _, _ = env.step(damper(obs))
+        rows.append(obs)
+        felt.append(env.episode.loop.plant.channels["hand.true_force"][0][0])
+    assert len(rows) > 150
+    place, speed, force = np.array(rows).T
+    assert np.corrcoef(np.diff(place), speed[1:])[0, 1] > 0.9
+    assert 0.01 * speed.sum() == pytest.approx(place[-1] - place[0], abs=5e-3)
+    assert np.corrcoef(force[5:], felt[:-5])[0, 1] > 0.9
+    assert np.abs(force).max() > 1.0
+
+
+def test_nearer_softer_and_smoother_is_worth_more(monkeypatch):
+    """Each part of the reward has the sign that docs/gym.md states, and its size."""
+    monkeypatch.setattr(Setting, "learned", lambda self: {})
+    env, dt = make(role="leader", misbehaving=0.0), 0.01
+    env.reset(seed=0)
+    parts = [env.step([0.0])[4]["parts"] for _ in range(50)]
+    far = abs(env.episode.taught_end()[0] - 0.85) / env.episode.size_m
+    assert parts[-1]["place"] == pytest.approx(-dt * min(far, 1.0), rel=0.05)
+    assert parts[-1]["rough"] == pytest.approx(0.0, abs=1e-6)
+    env.reset(seed=0)
+    rough = env.step([0.01])[4]["parts"]["rough"]
+    assert rough == pytest.approx(-dt * 0.25), "1 m/s^2 of the 2 m/s^2 that cost one a second"
+    before = env.step([0.02])[4]["parts"]["place"]
+    for _ in range(40):
+        parts = env.step([0.1])[4]["parts"]
+        felt = env.episode.loop.plant.channels["hand.true_force"][0][0]
+        assert parts["effort"] == pytest.approx(-dt * min((felt / 5.0) ** 2, 1.0))
+    assert parts["place"] > before, "it is nearer"
+    assert parts["effort"] < 0.0, "the partner is pulled"
 
 
 def test_without_gymnasium_the_room_says_what_to_install(monkeypatch):

@@ -199,7 +199,7 @@ class CarryVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[name-defined]
         if not np.isfinite(said).all():
             run = int(np.flatnonzero(~np.isfinite(said).all(axis=1))[0])
             raise ParameterError(f"action of run {run} is {said[run].tolist()}; allowed: finite numbers of a {seen.action}")
-        return np.ascontiguousarray(said)
+        return np.ascontiguousarray(np.clip(said, -seen.most, seen.most))
 
     def render(self) -> Any:
         """ParameterError: see `render_mode`."""

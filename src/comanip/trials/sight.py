@@ -97,7 +97,7 @@ class Told:
     notice = ""
 
     def __init__(self, seen: Seen, *, dt: float) -> None:
-        self.dt, self._sums = dt, seen.action == "acceleration"
+        self.dt, self._sums, self._may = dt, seen.action == "acceleration", seen.most
         self._said, self._velocity, self._most = np.zeros(seen.n_axes), np.zeros(seen.n_axes), Limits.v_max_m_per_s
 
     @property
@@ -109,8 +109,8 @@ class Told:
         self._velocity[:] = 0.0
 
     def say(self, action: Array) -> None:
-        """(d,) [m/s], or [m/s^2], until the next."""
-        self._said[:] = action
+        """(d,) [m/s], or [m/s^2], until the next; beyond what may be said it is clipped, axis by axis."""
+        np.clip(action, -self._may, self._may, out=self._said)
 
     def step(self, obs: Observation, command: Command) -> None:
         v = self._velocity
