@@ -84,12 +84,21 @@ def main() -> None:
     words.add_argument("--partners", default="50", help="in each task and role")
     words.add_argument("--seed", default="190001", help="of the partners")
     words.add_argument("--workers", default="0")
+    words.add_argument("--steps", nargs="+", choices=("train", "try", "tell"), default=["train", "try", "tell"])
     asked = words.parse_args()
-    trained(asked.out, asked.task, asked.lessons, asked.seconds, asked.minutes)
-    tried(asked.out, asked.task, asked.partners, asked.seed, asked.workers)
-    policies = [str(asked.out / f"{kind}_500.py") for kind in KINDS] + [str(asked.out / "ppo.py")]
-    run(script("latency.py", "--law", *UNTOLD, *TOLD, "--law-from", *policies), asked.out / "latency.csv", printed=True)
-    run(script("tell.py", str(asked.out)), asked.out / "never")
+    if "train" in asked.steps:
+        trained(asked.out, asked.task, asked.lessons, asked.seconds, asked.minutes)
+    if "try" in asked.steps:
+        tried(asked.out, asked.task, asked.partners, asked.seed, asked.workers)
+    if "tell" in asked.steps:
+        told(asked.out)
+
+
+def told(out: Path) -> None:
+    """Latency of a tick, figures and tables."""
+    policies = [str(out / f"{kind}_500.py") for kind in KINDS] + [str(out / "ppo.py")]
+    run(script("latency.py", "--law", *UNTOLD, *TOLD, "--law-from", *policies), out / "latency.csv", printed=True)
+    run(script("tell.py", str(out)), out / "never")
 
 
 if __name__ == "__main__":

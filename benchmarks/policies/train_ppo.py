@@ -34,8 +34,7 @@ ABOUT: dict[str, Any] = {
 }
 WORTH = 0.1  # of the reward: returns of about 1 suit the step of the critic
 PARTNERS, TRIED_SEED, EVERY_MIN = 40, 5, 0.5
-HOW = {"n_steps": 64, "batch_size": 512, "n_epochs": 6, "gamma": 0.995, "gae_lambda": 0.95}
-RATE, LAST = 5e-4, 0.1  # of Adam, and the share of it that is left when the time is over
+HOW = {"n_steps": 64, "batch_size": 512, "n_epochs": 6, "gamma": 0.995, "gae_lambda": 0.95, "learning_rate": 5e-4}
 # Noise that depends on what is seen (Raffin et al. 2022): a hand that feels nothing stands still. White noise drifts it 1 cm,
 # which is "moved before the partner", or is too small to be felt.
 NOISE = {"use_sde": True, "sde_sample_freq": 16}
@@ -181,12 +180,7 @@ def train(asked: argparse.Namespace) -> tuple[float, float]:
     asked.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)
     envs = Training(asked.runs, asked.task, asked.role, 1000 + asked.seed)
-    began = time.process_time()
-
-    def rate(_: float) -> float:
-        return RATE * max(LAST, 1.0 - (time.process_time() - began) / (60.0 * asked.minutes))
-
-    model = PPO("MlpPolicy", envs, learning_rate=rate, **HOW, **NOISE, seed=asked.seed, device="cpu", policy_kwargs=NET)
+    model = PPO("MlpPolicy", envs, **HOW, **NOISE, seed=asked.seed, device="cpu", policy_kwargs=NET)
     d = envs.runs.d
     about = {"kind": "ppo", "n_in": 3 * d * len(SEEN), "n_out": d, "by": SAID_M_PER_S2, "mean": [], "scale": []}
 
