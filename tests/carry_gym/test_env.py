@@ -492,6 +492,37 @@ def test_nearer_softer_and_smoother_is_worth_more(monkeypatch):
     assert parts["effort"] < 0.0, "the partner is pulled"
 
 
+@pytest.mark.parametrize(
+    ("task", "goes"), [("lift", (0, 1)), ("lower", (0, -1)), ("slide", (1, 0)), ("round-the-corner", (1, 1)), ("crank", (1, 1))]
+)
+def test_a_picture_shows_each_way_as_it_goes(task, goes):
+    """Up is up, along the object is sideways, across it is slantwise, whatever the axes are called."""
+    from comanip.gym.render import projection
+
+    what = named(task)
+    shown, turned = projection(what)
+    to = what.phases[0].to or [1.0] * len(what.axes)
+    right, up = shown @ np.array(to if task in ("lift", "lower", "slide") else np.ones(len(what.axes)))
+    assert (np.sign(np.round([right, up], 6)) == goes).all()
+    assert not turned.any()
+
+
+def test_what_turns_is_drawn_turned(monkeypatch):
+    monkeypatch.setattr(Setting, "learned", lambda self: {})
+    env = make("turn", role="leader", render_mode="rgb_array")
+    env.reset(seed=0)
+    first = env.render()
+    for _ in range(80):
+        env.step([0.3])
+    from comanip.gym.render import projection
+
+    last, angle = env.render(), projection(env.setting.task)[1] @ (env.episode.loop.obs.position - env.episode.case.start_m)
+    assert angle > 0.5
+    changed = np.argwhere((first != last).any(axis=2))[:, 1]
+    assert changed.min() >= 75, "left of the hand nothing turns"
+    assert len(changed) > 50
+
+
 def test_without_gymnasium_the_room_says_what_to_install(monkeypatch):
     from comanip.gym.needing import needed
 
