@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .episode import Episode
 
 HEIGHT, WIDTH = 240, 400
-PIXELS_PER_M = 220.0
+LEFT, BELOW, PIXELS_PER_M = 60.0, 70.0, 200.0  # where a run begins; a table of 0.8 m then stays in it over 0.8 m
 PIXELS_PER_N = 4.0
 SLANT = 0.5, 0.35  # right and up in the picture, of what is level and across the object
 PAPER, BEAM, MEANT = (250, 249, 246), (120, 96, 70), (190, 190, 190)
@@ -41,7 +41,7 @@ def picture(episode: Episode) -> Picture:
 
     def at(moved: Array, along_m: float) -> Place:
         right, up = (shown @ moved).tolist()
-        return 90.0 + PIXELS_PER_M * (along_m + right), HEIGHT - 70.0 - PIXELS_PER_M * up
+        return LEFT + PIXELS_PER_M * (along_m + right), HEIGHT - BELOW - PIXELS_PER_M * up
 
     far_end = plant.channels["partner.position"][0] - start
     hand, far = at(place, 0.0), at(far_end, length)
