@@ -107,6 +107,19 @@ def lead(
     """Lifts to where the page asks, as people do: by minimum jerk, in a time of their own. Gives the lift as the page kept it."""
     settled(tab)
     taken = tab.evaluate("comanip.takes.length")
+    leads(tab, rng, duration_s=duration_s, onset_s=onset_s, hand=hand, pace=pace)
+    return _taken(tab, taken)
+
+
+def leads(
+    tab: Any,
+    rng: random.Random,
+    *,
+    duration_s: float | None = None,
+    onset_s: float | None = None,
+    hand: Any = None,
+    pace: float = 1.0,
+) -> None:
     x, y = handle(tab)
     goal = tab.evaluate(
         "(() => { const s = comanip.session, a = comanip.scene.at(s.here(), 1), b = comanip.scene.at(s.setup.goal, 1); return [b[0] - a[0], b[1] - a[1]] })()"
@@ -120,15 +133,20 @@ def lead(
         hand.move(x + goal[0] * share + rng.gauss(0.0, 0.4), y + goal[1] * share + rng.gauss(0.0, 0.4))
         time.sleep(0.012)
     hand.up()
+
+
+def follow(tab: Any, rng: random.Random, *, delay_s: float | None = None, hand: Any = None, pace: float = 1.0) -> dict[str, Any]:
+    """Holds on and goes along with a robot that leads. Gives the lift as the page kept it."""
+    settled(tab)
+    taken = tab.evaluate("comanip.takes.length")
+    follows(tab, rng, delay_s=delay_s, hand=hand, pace=pace)
     return _taken(tab, taken)
 
 
-def follow(tab: Any, rng: random.Random, *, delay_s: float | None = None, hand: Any = None) -> dict[str, Any]:
-    """Holds on and goes along: the eye is late by what people are late, and foresees most of a motion that goes on (pursuit)."""
-    settled(tab)
-    taken = tab.evaluate("comanip.takes.length")
+def follows(tab: Any, rng: random.Random, *, delay_s: float | None = None, hand: Any = None, pace: float = 1.0) -> None:
+    """The eye is late by what people are late, and foresees most of a motion that goes on (pursuit)."""
     x, y = handle(tab)
-    delay = delay_s or rng.uniform(0.10, 0.25)
+    delay = (delay_s or rng.uniform(0.10, 0.25)) / pace
     hand = hand or Mouse(tab)
     hand.down(x, y)
     begun, seen = time.monotonic(), [(time.monotonic(), x, y)]
@@ -143,7 +161,20 @@ def follow(tab: Any, rng: random.Random, *, delay_s: float | None = None, hand: 
         hand.move(place[0] + rng.gauss(0.0, 0.4), place[1] + rng.gauss(0.0, 0.4))
         time.sleep(0.01)
     hand.up()
-    return _taken(tab, taken)
+
+
+def teach(tab: Any, role: str, count: int, rng: random.Random, *, pace: float = 1.0) -> int:
+    """`count` lessons of a role, on the tab for teaching; how many tries it took."""
+    tab.click("#tab-teach")
+    tab.click(f"#teach [data-role={role}]")
+    done = f"comanip.teach.lessons.filter(one => one.role === '{role}').length"
+    for tries in range(1, 3 * count + 1):
+        settled(tab)
+        (follows if role == "leader" else leads)(tab, rng, pace=pace)
+        until(tab, "comanip.session.phase !== 'runs'")
+        if tab.evaluate(done) >= count:
+            return tries
+    raise AssertionError(f"{tab.evaluate(done)} lessons as {role} in {3 * count} tries")
 
 
 def _taken(tab: Any, before: int) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from comanip.page.export import bundle, page, write_page
 from comanip.page.serve import server
 from comanip.page.study import read_person
 from comanip.web.report import _lift
-from page.browser import Finger, browser, handle, lead, needs_browser, opened, settled, until
+from page.browser import Finger, browser, follow, handle, lead, needs_browser, opened, settled, until
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 PACE = 2.0
@@ -72,6 +72,25 @@ def test_a_mouse_lifts_to_where_it_means_with_a_follower_and_is_judged(one: Any,
         latencies = sorted(tab.evaluate("comanip.latencies"))
         # milliseconds are the machine's (20 on one that does nothing else); by itself the page answers within its next frames
         assert latencies[len(latencies) // 2] < 4.0 * tab.evaluate(FRAME_MS)
+
+
+def test_a_person_who_goes_along_is_led_to_the_end_and_pulls_no_more(one: Any, file: Path) -> None:
+    with opened(one, file) as tab:
+        tab.evaluate(f"comanip.pace = {PACE}")
+        tab.click("#roles [data-role=leader]")
+        found = follow(tab, random.Random(5), delay_s=0.2, pace=PACE)
+        assert found["verdict"]["success"], found["verdict"]
+        assert found["verdict"]["residual_n"] < 2.0, found["verdict"]
+
+
+def test_the_handle_is_drawn_where_it_is(one: Any, file: Path) -> None:
+    """A tilt drawn larger was answered with a larger pull by whoever followed the handle, who pulled on for ever."""
+    with opened(one, file) as tab:
+        settled(tab)
+        rises, metre = tab.evaluate(
+            "(() => { const s = comanip.scene, at = x => { s.draw({ robot: [0.1], person: [0.1 + x], force: [0], tilt: -x, now: 0 }); return s.handle[1] }; return [at(0) - at(0.02), s.scale] })()"
+        )
+        assert rises == pytest.approx(0.02 * metre, rel=1e-9)
 
 
 def test_a_finger_lifts_on_a_phone_where_everything_is_reachable(one: Any, file: Path) -> None:

@@ -72,9 +72,8 @@ export class Scene {
     const [g, w, h] = fit;
     this.layout(w, h);
     g.clearRect(0, 0, w, h);
-    const robot = this.at(s.robot, 0), flat = this.at(s.robot, 1), true_ = this.at(s.person, 1);
-    // a tilt is a fraction of a degree: drawn as if it were five times larger, or nobody saw that the beam is level
-    const person = [true_[0], flat[1] + (true_[1] - flat[1]) * 5];
+    // As it is: whoever follows the handle with the eye would answer a tilt drawn larger with a larger pull. The level shows it.
+    const robot = this.at(s.robot, 0), person = this.at(s.person, 1);
     this.handle = person;
     this.floor(g, w, h);
     if (s.goal) this.goal(g, s);
