@@ -24,8 +24,8 @@ from .person import Hand
 
 DT_S = 0.01
 MODULES = (
-    "files", "mcap", "engine", "scene", "hands", "sound", "judge", "strips", "session", "prepare", "skillfile", "em", "teach",
-    "study", "understand", "about", "main",
+    "files", "recordings", "mcap", "engine", "scene", "hands", "sound", "judge", "strips", "session", "prepare", "skillfile",
+    "em", "teach", "study", "understand", "about", "main",
 )  # fmt: skip
 # of the exact beam and its sensor, as plants.beam has them
 ROBOT = {

@@ -6,7 +6,8 @@ import { Hands } from "./hands.js";
 import { Session, chances } from "./session.js";
 import { Sound } from "./sound.js";
 import { Bars, Shares, Strips, expectation } from "./strips.js";
-import { bytesOf, download, numbersOf, recordingCsv, tell } from "./files.js";
+import { bytesOf, download, numbersOf, tell } from "./files.js";
+import { recordingCsv } from "./recordings.js";
 import { Teach } from "./teach.js";
 import { Study } from "./study.js";
 import { Understand } from "./understand.js";
@@ -14,6 +15,7 @@ import { about } from "./about.js";
 import { readSkill } from "./skillfile.js";
 
 const $ = id => document.getElementById(id);
+const MOST_FILES = 60;
 const WHO = { leader: ["leads", "it leads"], follower: ["follows", "it follows"], natural: ["shares", "both"], neither: ["none", "?"] };
 
 class Page {
@@ -290,15 +292,19 @@ class Page {
   }
 
   async receive(files) {
-    for (const file of [...files].slice(0, 8)) {
+    const wrong = [];
+    let lessons = 0;
+    for (const file of [...files].slice(0, MOST_FILES)) {
       try {
-        const text = await file.text();
-        if (/\.csv$/i.test(file.name)) this.teach.open(file.name, text);
-        else this.takeFile(file.name, text);
+        if (/\.(csv|mcap)$/i.test(file.name)) { this.teach.open(file.name, new Uint8Array(await file.arrayBuffer())); lessons++; }
+        else this.takeFile(file.name, await file.text());
       } catch (error) {
-        tell(`${file.name.slice(0, 80)}: ${error.message}`);
+        wrong.push(`${file.name.slice(0, 80)}: ${error.message}`);
       }
     }
+    if (lessons) this.show("teach");
+    if (wrong.length) tell(wrong.length > 1 ? `${wrong[0]} (and ${wrong.length - 1} more)` : wrong[0]);
+    else if (lessons) tell(`${lessons} ${lessons === 1 ? "lesson" : "lessons"} opened`);
   }
 
   takeFile(name, text) {
