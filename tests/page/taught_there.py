@@ -1,5 +1,5 @@
 """Five lessons a role taught on the page by real mouse events, learned by `comanip learn`, tried by `comanip trial`:
-`python tests/page/taught_there.py [partners] [seed] [pace]`, default 200 usual partners a role."""
+`python tests/page/taught_there.py [partners] [seed] [task]`, default 200 usual partners a role."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ import random
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from comanip.commands.running import taught
 from comanip.page.export import write_page
 from comanip.teaching import ROLES
-from page.browser import browser, opened, teach
+from comanip.trials.taught import taught
+from page.browser import browser, opened, teach, wait
 
 
 def kept(tab: Any, folder: Path, kind: str) -> list[Path]:
@@ -29,19 +30,19 @@ def kept(tab: Any, folder: Path, kind: str) -> list[Path]:
     for _ in range(200):
         if len(files) >= want:
             break
-        tab.wait_for_timeout(50)
+        wait(tab, 0.05)
+        time.sleep(0.02)
     tab.remove_listener("download", one)
     return sorted(files)
 
 
-def main(partners: int, seed: int, pace: float) -> None:
+def main(partners: int, seed: int, task: str) -> None:
     folder = Path(tempfile.mkdtemp())
     with browser() as one:
-        write_page({role: taught(role, seed=0) for role in ROLES}, folder / "lift.html")
+        write_page({role: taught(role, seed=0, task=task) for role in ROLES}, folder / "lift.html", task=task)
         with opened(one, folder / "lift.html") as tab:
-            tab.evaluate(f"comanip.pace = {pace}")
             for role in ROLES:
-                tries = teach(tab, role, 5, random.Random(f"{seed} {role}"), pace=pace)
+                tries = teach(tab, role, 5, random.Random(f"{seed} {role}"))
                 print(f"{role}: 5 lessons in {tries} tries", flush=True)
             files = {kind: kept(tab, folder, kind) for kind in ("CSV", "MCAP")}
     for kind, of in files.items():
@@ -55,11 +56,11 @@ def main(partners: int, seed: int, pace: float) -> None:
             skills.append(str(skill))
         print(f"{kind}: learned {', '.join(skills)}", flush=True)
     for role, skill in zip(ROLES, skills, strict=True):
-        command = [sys.executable, "-m", "comanip", "trial", "--role", role, "--skill", skill, "--partners", str(partners), "--seed", str(seed), "--json"]  # fmt: skip
+        command = [sys.executable, "-m", "comanip", "trial", "--role", role, "--task", task, "--skill", skill, "--partners", str(partners), "--seed", str(seed), "--json"]  # fmt: skip
         done = subprocess.run(command, check=True, capture_output=True, text=True)
         print(role, json.dumps(json.loads(done.stdout))[:1500], flush=True)
 
 
 if __name__ == "__main__":
     given = sys.argv[1:]
-    main(int(given[0]) if given else 200, int(given[1]) if len(given) > 1 else 20263, float(given[2]) if len(given) > 2 else 1.0)
+    main(int(given[0]) if given else 200, int(given[1]) if len(given) > 1 else 20263, given[2] if len(given) > 2 else "lift")

@@ -174,3 +174,15 @@ function decoded({ about, stamps, rows }, schema, shift) {
   const values = rows.map(row => { const view = new DataView(row.buffer, row.byteOffset, row.byteLength); return at.map(n => view.getFloat64(row.length - 8 * (width - n), true)); });
   return { name, unit, frame, axes, time: stamps.map(ns => (ns + shift) / 1e9), rows: values };
 }
+
+// Files [[name, bytes]] as one ZIP, stored as they are
+export function zipOf(files) {
+  const out = new Bytes(), list = new Bytes();
+  for (const [name, bytes] of files) {
+    const at = out.size, label = new TextEncoder().encode(name), about = record => record.u16(0x0800).u16(0).u16(0).u16(0x21).u32(crc32(bytes)).u32(bytes.length).u32(bytes.length).u16(label.length).u16(0);
+    about(out.u32(0x04034b50).u16(20)).put(label).put(bytes);
+    about(list.u32(0x02014b50).u16(20).u16(20)).u16(0).u16(0).u16(0).u32(0).u32(at).put(label);
+  }
+  const from = out.size;
+  return out.put(list.done()).u32(0x06054b50).u16(0).u16(0).u16(files.length).u16(files.length).u32(list.size).u32(from).u16(0).done();
+}

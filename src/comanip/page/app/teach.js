@@ -1,14 +1,22 @@
 // Five lessons a role, on the page: the robot is scripted, the person is the person. Trim, delete, replay, and keep them as files.
 
-import { chances } from "./session.js";
+import { asking, chances } from "./session.js";
 import { COLOURS, fitted } from "./scene.js";
 import { download, tell } from "./files.js";
 import { mcapOf, readMcap } from "./mcap.js";
 import { csvOf, lessonOf, readCsv, recordingOf, within } from "./recordings.js";
 
 const LESSONS = 5, SHORTEST_S = 1.0, MOST_KEPT = 60;
-// of the lessons of tasks/*.toml: 0.30 m +- 2.5 cm in 2.2 s +- 0.25 s, begun within 0.4 to 1.2 s
-const SIZE_SD = 0.08, DURATION_S = 2.2, DURATION_SD_S = 0.25, ONSET_S = [0.4, 1.2];
+
+// Lesson `number` of a role: the way that is asked for, as the task's lessons vary, and the robot that goes or gives way.
+export function lessonAsked(task, role, number, seed) {
+  const chance = chances(seed * 1000 + number + (role === "leader" ? 0 : 500)), { lessons } = task;
+  const normal = () => { let sum = -6; for (let n = 0; n < 12; n++) sum += chance(); return sum; };
+  const size = 1 + lessons.size_sd * normal(), pace = Math.max(lessons.shortest, 1 + lessons.duration_sd * normal()), onset_s = lessons.onset_s[0] + chance() * (lessons.onset_s[1] - lessons.onset_s[0]);
+  const rows = task.ways[Math.floor(chance() * task.ways.length)].map(row => row.map(x => x * size)), leads = role === "leader";
+  const robot = leads ? { kind: "planned", way: { rows, step_s: lessons.step_s * pace }, onset_s, kg: 6, ns_per_m: 30 } : { kind: "mass-damper", kg: 4, ns_per_m: 15 };
+  return { robot, seed: seed * 1000 + number, asked: role, ends: [rows[rows.length - 1]], ...asking(rows, !leads) };
+}
 
 export class Teach {
   constructor(page, box) {
@@ -55,12 +63,7 @@ export class Teach {
 
   // The next lesson: what is asked of it varies as people's lessons do.
   next() {
-    const page = this.page, chance = chances(page.config.seed * 1000 + this.count + (this.role === "leader" ? 0 : 500));
-    const normal = () => chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() - 6;
-    const asked = page.lift("follower", { kind: "mass-damper" }, 1), size = 1 + SIZE_SD * normal();
-    const moves = page.taught().map(x => x * size), duration = Math.max(1.8, DURATION_S + DURATION_SD_S * normal()), onset = ONSET_S[0] + chance() * (ONSET_S[1] - ONSET_S[0]);
-    const robot = this.role === "leader" ? { kind: "planned", moves, duration_s: duration, onset_s: onset, kg: 6, ns_per_m: 30 } : { kind: "mass-damper", kg: 4, ns_per_m: 15 };
-    page.session.prepare({ ...asked, robot, seed: page.config.seed * 1000 + this.count, goal: this.role === "leader" ? null : moves, asked: this.role });
+    this.page.session.prepare(lessonAsked(this.page.config.task, this.role, this.count, this.page.config.seed));
     document.getElementById("verdict").hidden = true;
   }
 
