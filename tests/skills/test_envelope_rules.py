@@ -35,6 +35,16 @@ def test_the_checker_lets_pass_what_is_just_allowed_and_remembers_it():
     assert checked((0.48, 0.64), last=(0.48, 0.64))[1] == ""
 
 
+def test_a_checker_that_was_not_told_where_the_arm_is_takes_it_to_rest_at_the_origin():
+    def fresh():
+        return Checker(0.8, 10.0, ((-0.002, 0.9),), DT)
+
+    assert fresh().judge(DT, [0.09], False) == ""
+    assert fresh().judge(DT, [0.11], False) == "acceleration"
+    assert fresh().judge(0.03, [-0.19], False) == ""  # 1.8 mm to stop
+    assert fresh().judge(0.03, [-0.21], False) == "room to stop"
+
+
 @pytest.mark.parametrize("turn", [(1.0, 0.0), (0.0, 1.0), (0.6, -0.8), (-0.6, -0.8)])
 def test_the_checker_s_speed_and_acceleration_are_of_vectors(turn):
     x, y = turn
@@ -231,6 +241,17 @@ def test_carrying_it_all_is_within_a_third_of_the_share_and_2_2_newtons(more, la
         assert not light.step(0.1, DT)  # of 4 N and less, only sinking tells
 
 
+@pytest.mark.parametrize(("speed", "said"), [(0.1, True), (0.05, False)])
+def test_an_object_that_swings_at_6_hz_is_told_by_its_longer_mean_while_the_hand_moves(speed, said):
+    watch, found = LetGo(1, DT, alone_n=2.2, alone_s=0.15, steady_n_s=60.0, stands_m_s=0.06), []
+    for _ in range(25):
+        watch.weigh([-WEIGHT], [0.0], [0.0], True)
+    for n in range(200):
+        watch.weigh([-WEIGHT], [-WEIGHT + 8.0 * np.sin(2.0 * np.pi * n / 16.0)], [0.0], False)
+        found.append(watch.step(speed, DT))
+    assert any(found) == said
+
+
 def test_a_person_answers_within_the_way_that_a_hand_gives():
     watch = LetGo(1, DT, alone_n=2.2, alone_s=0.15, steady_n_s=8.0, stands_m_s=0.06)
     for _ in range(25):
@@ -368,6 +389,17 @@ def test_a_jump_needs_rest_before_it_and_a_change_beyond_the_usual():
     assert after(60, 0.7) == 0.0
     assert after(60, 2.0, usual=0.2) == 0.0  # 0.8 and 6 times 0.4 N
     assert after(60, 4.0, usual=0.2) > 0.0
+
+
+def test_a_sample_that_is_held_between_ticks_is_one_sample_of_a_noisy_sensor():
+    jump = Jump(1, 0.8, 0.3, 0.05)
+    for n in range(600):
+        assert jump.step([0.2 * (-1) ** (n // 5)], n > 300, DT) == 0.0
+    assert max(jump.step([2.2], True, DT) for _ in range(12)) == 0.0  # 0.8 and 6 times 0.4 N
+    again = Jump(1, 0.8, 0.3, 0.05)
+    for n in range(600):
+        again.step([0.2 * (-1) ** (n // 5)], n > 300, DT)
+    assert max(again.step([4.2], True, DT) for _ in range(12)) > 3.0
 
 
 def test_shaking_is_the_amplitude_above_one_hertz_and_takes_half_a_second():
@@ -525,6 +557,20 @@ def test_C25_pushed_along_for_a_quarter_joule_complies_and_then_holds():
     assert bench.held
     bench.ticks(20, 0.2, 1.0)
     assert bench.envelope.mode == "RUN"
+
+
+@pytest.mark.parametrize(("newtons", "softer"), [(4.0, 1.0), (12.0, 2.0), (30.0, 5.0)])
+def test_a_complying_hand_is_damped_in_proportion_to_what_shakes_it_beyond_6_newtons(newtons, softer):
+    bench = Bench(replace(ROOM, workspace_m=None, pushed_n=50.0, energy_j=1e3))
+    bench.ticks(10, 0.1, 0.0)
+    bench.ticks(10, 0.1, -25.0)
+    assert bench.envelope.mode == "COMPLY"
+    for n in range(49):
+        bench.tick(0.1, newtons * np.sin(2.0 * np.pi * 3.0 * n * DT))
+    stiffer = max(bench.envelope._shaking.amplitude / 6.0, 1.0)
+    assert bench.envelope.mode == "COMPLY"
+    assert bench.command.velocity[0] == pytest.approx(bench.force[0] / (150.0 * stiffer))
+    assert stiffer == pytest.approx(softer, rel=0.4)
 
 
 def test_it_goes_on_only_when_what_stopped_it_is_below_three_newtons():
