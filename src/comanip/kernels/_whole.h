@@ -112,6 +112,7 @@ static inline void step_whole(Whole *w, Sample *s, int first, double *const out[
     if (first) begin_whole(w, s);
     else estimate(w->weighing, w->weighed, w->past, s->velocity, s->sensed, s->force);
     const Seen seen = seen_of(w, s);
+    g->ledger.leads = w->role->blend;
     if (guard_senses(&w->envelope, g, &seen, &period) == SKILL_RESUMES) {
         enter_skill(w, s->position, 1);
         recovered(&w->envelope, g);

@@ -35,6 +35,7 @@ class Ordinary:
             numbers, rules, np.array(envelope._walls), self._memory, envelope._tank, self._d, *self._most, envelope._let_go._swing
         )
         self.sense, self.act = self.compiled.sense, self.compiled.act
+        self.leads = self._scalars[SCALARS.index("_leads") :][:1]
         self._lent: dict[str, Any] = {}
 
     def lend(self, envelope: Any) -> None:

@@ -278,6 +278,7 @@ class CollaborativeSkill(Copied):
         self._expected, self._velocity, self._position, *_, self.taught = self._memory[: 8 * d].reshape(8, d)
         self._phase, self._rate, *_ = self._memory[8 * d :].reshape(7, 1)
         self._complies_only, self._outside, self._begun = False, 0.0, False
+        self.leading = np.zeros(1)  # for the envelope: 1 while it goes by itself
         self._link()
 
     def _link(self) -> None:
@@ -333,6 +334,7 @@ class CollaborativeSkill(Copied):
         self._phase[0] = entry_s[goal]
         self._outside = min(r.outside_m(self._position) for r in self._pace.references)
         self._complies_only = bool(self._outside > self.law.reach_m)
+        self.leading[0] = float(self.role == "leader" and not self._complies_only)
         self._begun = True
         self._choose()
 

@@ -141,6 +141,7 @@ class RoleSkill(Copied):
         self._phase, self._rate, self._rest_s, self._moved, self._against_s, self._held_s, told = numbers
         told[0] = -1.0 if goal is None else goal
         self._nothing, self._seen, self._blend = np.zeros(d), np.zeros(3 * d), np.zeros(1)
+        self.leading = self._blend  # for the envelope
         self._way = np.zeros(d)  # where an offer pushes
         self._complies_only, self._outside = False, 0.0
         self._state = FOLLOWS
