@@ -443,6 +443,34 @@ def test_a_wall_on_one_axis_slows_that_axis(towards):
     assert bench.hand[1] > 0.58
 
 
+@pytest.mark.parametrize("towards", [1.0, -1.0])
+def test_the_speed_along_a_slanting_way_is_what_can_be_braked_on_it(towards):
+    bench = Bench(Limits(workspace_m=((0.0, 1.0), (0.0, 9.0))), d=2, start=0.5)
+    bench.hand[:] = 0.5 + 0.44 * towards, 4.0
+    bench.obs.position[:] = bench.hand
+    bench.envelope.reset(bench.obs)
+    slowed = 0
+    for _ in range(25):
+        bench.tick(towards * np.array([0.3, 0.4]), np.zeros(2))
+        speed = float(np.linalg.norm(bench.command.velocity))
+        room = 0.5 - abs(bench.envelope._x[0] - 0.5)
+        along = room * speed / max(abs(bench.command.velocity[0]), 1e-12)
+        assert speed <= max(sqrt(20.0 * along) - 0.15, 0.0) + 1e-9
+        slowed += speed < 0.49
+    assert slowed > 10
+
+
+@pytest.mark.parametrize("towards", [1.0, -1.0])
+def test_a_hand_that_was_pushed_behind_a_wall_comes_back_and_goes_no_farther(towards):
+    bench = Bench(start=0.5 + 0.499 * towards)
+    bench.ticks(3, 0.0, 0.0)
+    outside = np.array([0.5 + 0.51 * towards])
+    bench.tick(0.1 * towards, 0.0, position=outside)
+    assert (bench.held, bench.command.velocity[0]) == ("", 0.0)
+    bench.tick(-0.1 * towards, 0.0, position=outside)
+    assert bench.command.velocity[0] == pytest.approx(-0.1 * towards)
+
+
 def test_a_change_is_no_faster_than_a_and_straight_toward_what_is_wanted():
     bench = Bench(Limits(), d=2, start=0.0)
     bench.tick(np.array([0.3, 0.4]), np.zeros(2))
