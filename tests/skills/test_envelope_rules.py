@@ -241,6 +241,18 @@ def test_carrying_it_all_is_within_a_third_of_the_share_and_2_2_newtons(more, la
         assert not light.step(0.1, DT)  # of 4 N and less, only sinking tells
 
 
+@pytest.mark.parametrize(("newtons_per_s", "said"), [(0.0, True), (6.0, True), (11.0, False)])
+def test_the_pull_of_nobody_changes_no_faster_than_8_newtons_a_second(newtons_per_s, said):
+    watch, found = LetGo(1, DT, alone_n=2.2, alone_s=0.15, steady_n_s=8.0, stands_m_s=0.06), []
+    for _ in range(25):
+        watch.weigh([-WEIGHT], [0.0], [0.0], True)
+    for n in range(100):
+        pull = -3.0 + newtons_per_s * DT * n if newtons_per_s else 0.5
+        watch.weigh([-WEIGHT], [-WEIGHT + pull], [0.0], False)
+        found.append(watch.step(0.0, DT))
+    assert any(found) == said
+
+
 @pytest.mark.parametrize(("speed", "said"), [(0.1, True), (0.05, False)])
 def test_an_object_that_swings_at_6_hz_is_told_by_its_longer_mean_while_the_hand_moves(speed, said):
     watch, found = LetGo(1, DT, alone_n=2.2, alone_s=0.15, steady_n_s=60.0, stands_m_s=0.06), []
