@@ -581,6 +581,57 @@ def test_C12_it_offers_to_go_on_half_a_second_after_the_wall_left_and_takes_two_
     assert bench.envelope.notice == ""
 
 
+def offered(mistaken=False):
+    """Was blocked, and offers to go on; an object of 9.8 N hangs on the hand."""
+    bench = Bench(replace(ROOM, energy_j=1e3), start=0.2)
+    bench.ticks(30, 0.0, 0.0, sensor_force=-WEIGHT)
+
+    def feels(force, n):
+        for k in range(n):
+            bench.tick(0.1, force, sensor_force=force - WEIGHT + 1e-3 * np.sin(k * k))
+
+    feels(0.0, 30)
+    feels(-25.0, 5)
+    assert bench.envelope.mode == "COMPLY"
+    if mistaken:
+        bench.envelope._let_go.mistaken()
+    feels(0.0, 52)
+    assert bench.envelope.mode == "RUN"
+    return bench, feels
+
+
+def waits(feels, bench):
+    """[s] until it offers again after a wall of 3 N was still there."""
+    for k in range(20):
+        feels(max(-0.4 * k, -3.0), 1)  # at once it would be a zero that jumped
+    assert bench.envelope.mode == "COMPLY"
+    n = 0
+    while bench.envelope.mode != "RUN" and n < 1200:
+        feels(0.0, 1)
+        n += 1
+    return n * DT
+
+
+def test_C29_it_waits_twice_as_long_each_time_a_wall_is_still_there_up_to_eight_seconds():
+    bench, feels = offered()
+    assert [waits(feels, bench) for _ in range(5)] == pytest.approx([1.0, 2.0, 4.0, 8.0, 8.0], abs=0.05)
+    feels(0.0, 220)  # all the way back: it begins anew
+    feels(-25.0, 5)
+    begun = bench.time
+    while bench.envelope.mode != "RUN":
+        feels(0.0, 1)
+    assert bench.time - begun == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("newtons", "mistaken", "mode"), [(1.8, 0, "RUN"), (2.2, 0, "COMPLY"), (11.0, 1, "RUN"), (12.5, 1, "COMPLY")]
+)
+def test_C29_an_offer_ends_at_two_newtons_and_with_an_arm_that_is_led_up_by_its_weight_at_that(newtons, mistaken, mode):
+    bench, feels = offered(bool(mistaken))
+    feels(-newtons, 5)
+    assert bench.envelope.mode == mode
+
+
 def test_C25_pushed_along_for_a_quarter_joule_complies_and_then_holds():
     bench = Bench(replace(ROOM, workspace_m=None, pushed_n=6.0), start=0.0)
     bench.ticks(15, 0.2, 0.0)
@@ -686,6 +737,14 @@ def test_position_and_acceleration_pass_with_the_velocity_and_no_farther_than_a_
     v = bench.command.velocity[0]
     assert bench.command.position[0] == pytest.approx(bench.hand[0] + v * DT)  # faded: where that velocity leads
     assert bench.command.acceleration[0] == 0.0
+
+    def asks_less(command):
+        command.velocity[:], command.position[:], command.acceleration[:] = -0.5, bench.obs.position - 0.5, 30.0
+
+    bench.skill.trick = asks_less
+    bench.tick(None, 0.0)
+    assert bench.command.velocity[0] > -0.5
+    assert bench.command.position[0] == pytest.approx(bench.hand[0] + bench.command.velocity[0] * DT)
 
 
 def test_clock_and_samples_have_their_limits():
