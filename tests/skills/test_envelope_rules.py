@@ -197,6 +197,13 @@ def test_C11_a_hand_that_leads_stops_when_nobody_is_led_any_more_and_goes_on_wit
     assert led(-0.8).envelope.mode == "RUN"
 
 
+def test_C11_one_absurd_reading_does_not_hide_that_nobody_is_led():
+    bench = led(-3.6, n=5)
+    bench.tick(0.2, -3.6, sensor_force=1e308)
+    bench.ticks(60, 0.2, 0.4)
+    assert bench.envelope.notice == "COMPLY: let go"
+
+
 def test_a_bias_of_one_newton_is_no_weight_along_a_level_axis():
     bench = Bench(replace(ROOM, workspace_m=None), start=0.0)
     bench.ticks(30, 0.0, 0.0, sensor_force=-1.0)  # the estimate says 0 while it tares, and then the bias as well
@@ -598,6 +605,42 @@ def offered(mistaken=False):
     feels(0.0, 52)
     assert bench.envelope.mode == "RUN"
     return bench, feels
+
+
+@pytest.mark.parametrize(
+    ("share", "still", "passed"), [(9.8, -2.8, True), (9.8, -3.2, False), (5.0, -2.3, True), (5.0, -2.7, False)]
+)
+def test_what_blocked_has_passed_below_three_newtons_and_half_the_share(share, still, passed):
+    bench = Bench(replace(ROOM, energy_j=1e3), start=0.2)
+    bench.ticks(30, 0.0, 0.0, sensor_force=-share)
+    for n, force in enumerate([0.0] * 30 + [-25.0] * 5 + [still] * 54):
+        bench.tick(0.1, force, sensor_force=force - share + 1e-3 * np.sin(n * n))
+    assert bench.skill.resets == (2 if passed else 1)
+
+
+def test_after_a_hold_that_passed_it_goes_on_from_where_the_arm_was_put():
+    bench = Bench(replace(ROOM, workspace_m=None, pushed_n=6.0), start=0.0)
+    bench.ticks(15, 0.2, 0.0)
+    while not bench.held:
+        bench.tick(0.2, 12.0)
+    for _ in range(20):
+        bench.hand += 0.002
+        bench.tick(0.0, 1.0)
+    assert bench.held
+    bench.ticks(45, 0.0, 1.0)
+    assert bench.envelope.mode == "RUN"
+    assert bench.envelope._x == pytest.approx(bench.hand.tolist(), abs=1e-3)
+    for _ in range(20):
+        bench.hand += 0.002
+        bench.tick(0.0, 1.0)
+    assert bench.held == ""  # 4 cm more, and 4 cm before
+
+
+def test_an_observation_that_cannot_be_read_refuses_to_re_arm_and_raises_nothing():
+    bench = Bench()
+    bench.tick(0.0, nan)
+    bench.obs.time = "now"
+    assert bench.envelope.rearm(bench.obs).startswith("sensors: TypeError")
 
 
 def waits(feels, bench):
