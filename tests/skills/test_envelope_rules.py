@@ -370,6 +370,21 @@ def test_each_axis_is_a_sensor_and_changes_of_one_do_not_excuse_the_other():
     assert said.index(True) in (50, 51)
 
 
+def test_a_sensor_that_falls_silent_stands_still_whatever_the_estimate_makes_of_it():
+    bench, rng = Bench(), np.random.default_rng(3)
+    for _ in range(40):
+        bench.tick(0.05, 0.0, sensor_force=float(rng.normal()))
+    begun = bench.time
+    while not bench.held and bench.time < 1.0:
+        bench.tick(0.05, 0.1 * float(rng.normal()), sensor_force=nan)
+    assert bench.held == "force stuck"
+    assert bench.time - begun == pytest.approx(0.21)
+    never = Bench()
+    for _ in range(60):  # one that never says anything is judged by the estimate
+        never.tick(0.0, 0.1 * float(rng.normal()), sensor_force=nan)
+    assert never.held == ""
+
+
 def test_a_dead_band_once_seen_is_known():
     rng = np.random.default_rng(2)
     watch = Stuck(1, 0.2, 10.0)
