@@ -57,7 +57,7 @@ def trained(out: Path, tasks: list[str], most: int, seconds: str, minutes: str) 
 
 
 def tried(out: Path, tasks: list[str], partners: str, seed: str, workers: str) -> None:
-    """All trials of laws and networks; a network is tried where it was trained in both roles."""
+    """All trials of laws and networks."""
     how = ["--partners", partners, "--seed", seed, "--workers", workers, "--json"]
     results = out / "results"
     for task in tasks:
@@ -67,9 +67,15 @@ def tried(out: Path, tasks: list[str], partners: str, seed: str, workers: str) -
         run([*COMANIP, "trial", "--task", task, *EVERY[:4], *laws, *how], results / f"told_{task}.json", printed=True)
     for name in [f"{kind}_{lessons}" for kind in KINDS for lessons in LESSONS] + ["ppo"]:
         for task in tasks:
-            if all((out / f"{name}_{task}_{role}.pt").is_file() for role in ROLES):
-                what = [*COMANIP, "trial", "--task", task, *EVERY, "--law-from", str(out / f"{name}.py"), *how]
+            if roles := of_network(out, name, task):
+                what = [*COMANIP, "trial", "--task", task, *roles, "--law-from", str(out / f"{name}.py"), *how]
                 run(what, results / f"{name}_{task}.json", printed=True)
+
+
+def of_network(out: Path, name: str, task: str) -> list[str]:
+    """--role of each that it was trained in; told nothing, too, where it was trained in both."""
+    known = [role for role in ROLES if (out / f"{name}_{task}_{role}.pt").is_file()]
+    return [word for role in (*known, *(["auto"] if len(known) == 2 else [])) for word in ("--role", role)]
 
 
 def main() -> None:

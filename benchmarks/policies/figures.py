@@ -64,7 +64,7 @@ def success_by_lessons(
 ) -> None:
     """One panel a (task, role): kinds of network {lessons: (success, low, high)}, and laws that stand at one height."""
     tasks, roles = list(dict.fromkeys(task for task, _ in found)), list(dict.fromkeys(role for _, role in found))
-    size = (3.2 * len(tasks), 2.3 * len(roles))
+    size = (3.4 * len(tasks), 2.3 * len(roles))
     fig, axes = plt.subplots(len(roles), len(tasks), figsize=size, sharex=True, sharey=True, squeeze=False)
     for (task, role), by_kind in found.items():
         ax = axes[roles.index(role), tasks.index(task)]
@@ -74,7 +74,7 @@ def success_by_lessons(
         ax.set_xlabel("lessons")
     for ax in axes[:, 0]:
         ax.set_ylabel("success [%]")
-    axes[0, 0].legend(fontsize=6, loc="center left")
+    axes[0, 0].legend(fontsize=6, loc="upper left", bbox_to_anchor=(0.0, 0.88))
     _save(fig, out)
 
 
@@ -83,12 +83,14 @@ def _panel(ax: Any, by_kind: Mapping[str, Mapping[int, tuple[float, float, float
         marker, line, colour = LOOKS[kind]
         x = [lessons * 1.08 ** (n - 1) for lessons in points]
         y, low, high = ([100.0 * one[k] for one in points.values()] for k in range(3))
-        errors = [[a - b for a, b in zip(y, low, strict=True)], [b - a for a, b in zip(y, high, strict=True)]]
+        errors = [[max(a - b, 0.0) for a, b in zip(y, low, strict=True)], [max(b - a, 0.0) for a, b in zip(y, high, strict=True)]]
         ax.errorbar(x, y, errors, marker=marker, ls=line, color=colour, ms=4, lw=1.0, elinewidth=0.6, label=kind.upper())
-    for n, (law, success) in enumerate(sorted(laws.items(), key=lambda one: -one[1])):
+    at = 112.0
+    for law, success in sorted(laws.items(), key=lambda one: -one[1]):
         ax.axhline(100.0 * success, color="0.6", lw=0.6)
-        ax.text(900, 100.0 * success - 6.0 * n * (len(set(laws.values())) < len(laws)), law, fontsize=5.5, va="center")
-    ax.set(xscale="log", xlim=(3.5, 900), ylim=(-5, 108), xticks=[5, 50, 500], xticklabels=["5", "50", "500"])
+        at = min(at - 7.0, 100.0 * success)
+        ax.text(960, at, f"{law} {100.0 * success:.0f}", fontsize=5.5, va="center")
+    ax.set(xscale="log", xlim=(3.5, 900), ylim=(-22, 112), xticks=[5, 50, 500], xticklabels=["5", "50", "500"])
     ax.grid(alpha=0.25)
 
 

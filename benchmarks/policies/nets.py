@@ -89,10 +89,14 @@ class Brain:
 
     def __init__(self, kept: dict[str, Any]) -> None:
         self.d, self.by = kept["n_out"], kept["by"]
-        self.net = KINDS[kept["kind"]](kept["n_in"], kept["n_out"]).eval()
-        self.net.load_state_dict(kept["weights"])
+        self.net = kept["net"] if "net" in kept else kept.setdefault("net", self.built(kept))  # one for all runs of a process
         self.mean, self.scale = np.array(kept["mean"]), np.array(kept["scale"])
         self.reset()
+
+    def built(self, kept: dict[str, Any]) -> Any:
+        net = KINDS[kept["kind"]](kept["n_in"], kept["n_out"]).eval()
+        net.load_state_dict(kept["weights"])
+        return net
 
     def reset(self) -> None:
         self.memory: Any = None
@@ -122,11 +126,10 @@ class Remembering(Brain):
 class Chunking(Brain):
     """ACT: (CHUNK, d) at each tick, which `trials.policies` averages with those before."""
 
-    def __init__(self, kept: dict[str, Any]) -> None:
-        super().__init__(kept)
+    def built(self, kept: dict[str, Any]) -> Any:
         with warnings.catch_warnings(), torch.no_grad():
             warnings.simplefilter("ignore")  # traced it is asked in a quarter of the time; that traces are out of fashion is said
-            self.net = torch.jit.freeze(torch.jit.trace(self.net, torch.zeros(1, MEMORY, kept["n_in"])))
+            return torch.jit.freeze(torch.jit.trace(super().built(kept), torch.zeros(1, MEMORY, kept["n_in"])))
 
     @torch.no_grad()
     def __call__(self, seen: np.ndarray) -> np.ndarray:

@@ -38,8 +38,7 @@ HOW = {"n_steps": 64, "batch_size": 512, "n_epochs": 6, "gamma": 0.995, "gae_lam
 # Noise that depends on what is seen (Raffin et al. 2022): a hand that feels nothing stands still. White noise drifts it 1 cm,
 # which is "moved before the partner", or is too small to be felt.
 NOISE = {"use_sde": True, "sde_sample_freq": 16}
-LOUDEST, QUIETER = -2.0, 2.5  # log of its scale, and how much lower it is at the end: a hand that shakes at rest has lost
-NET = {"log_std_init": LOUDEST, "net_arch": [64, 64]}
+NET = {"log_std_init": -2.0, "net_arch": [64, 64]}
 
 
 class Runs:
@@ -147,10 +146,6 @@ class Curve(BaseCallback):
 
     def _on_step(self) -> bool:
         return self.done_min < self.minutes
-
-    def _on_rollout_start(self) -> None:
-        loudest = LOUDEST - QUIETER * min(self.done_min / self.minutes, 1.0)
-        self.model.policy.log_std.data.clamp_(max=loudest)
 
     def _on_rollout_end(self) -> None:
         if self.done_min >= self.next:

@@ -51,7 +51,7 @@ def test_a_led_robot_carries_with_an_agent_and_one_that_holds_does_not():
             lead = [speed + 3.0 * (meant - obs["partner"][0]) + 0.004 * obs["partner"][2]]
             own = law.move(obs["robot"][2:3].copy(), 20.0) if follows else [0.0]
             obs, reward, _, _, info = env.step({"robot": own, "partner": lead})
-            assert reward["robot"] == reward["partner"]
+            assert reward["robot"] == reward["partner"] == pytest.approx(sum(info["robot"]["parts"].values()))
             t += 0.01
         return info["robot"]["success"]
 

@@ -107,6 +107,32 @@ def test_the_same_step_resets_and_keeps_what_was_last():
             assert not (other == seen).all(), "the next one has begun"
 
 
+def test_after_a_reset_in_the_same_step_the_next_run_goes_on_and_is_that_of_one_environment():
+    many, alone = CarryVectorEnv(1, role="leader", autoreset_mode=SAME), CarryEnv(role="leader")
+    many.reset(seed=3)
+    alone.reset(seed=3)
+    for _ in range(201):
+        seen, *_ = many.step([[0.0]])
+        over = alone.step([0.0])[2]
+    assert over
+    assert (seen[0] == alone.reset()[0]).all()
+    for k in range(40):
+        seen, rewards, *_ = many.step([[0.05]])
+        obs, reward, *_ = alone.step([0.05])
+        assert (seen[0] == obs).all(), k
+        assert rewards[0] == pytest.approx(reward, abs=1e-15)
+
+
+@pytest.mark.parametrize("about", [{}, {"action": "acceleration"}])
+def test_what_is_beyond_the_action_space_is_clipped_as_by_one_environment(about):
+    many, alone = CarryVectorEnv(1, role="leader", **about), CarryEnv(role="leader", **about)
+    many.reset(seed=1)
+    alone.reset(seed=1)
+    for k in range(40):
+        sign = np.sign(np.sin(0.2 * k) + 0.01)
+        assert (many.step([[1e3 * sign]])[0][0] == alone.step([sign * alone.setting.seen.most])[0]).all()
+
+
 def test_gymnasium_makes_it_by_name():
     many = gymnasium.make_vec("comanip/Carry-v0", num_envs=2, vectorization_mode="vector_entry_point", role="leader")
     assert isinstance(many.unwrapped, CarryVectorEnv)
