@@ -276,6 +276,7 @@ def test_a_study_by_script_is_blind_complete_and_analysed(one: Any, file: Path, 
         assert set(trials) == {f"{name}-1.mcap" for name in order}
         assert trials[f"{order[0]}-1.mcap"].metadata["condition"] == order[0]
     assert person.complete
+    assert all(trial["verdict"]["success"] for trial in person.trials), [trial["verdict"]["failures"] for trial in person.trials]
     assert sorted(person.about["order"]) == sorted(["default", "mass-damper", "damping"])
     assert {t["condition"] for t in person.trials} == set(person.about["order"])
     assert person.prefers == person.about["order"][0] == order[0]
