@@ -20,7 +20,7 @@ CHROMIUM = (
     or shutil.which("google-chrome")
 )
 FORESEEN = 0.8  # share of the way meanwhile
-FRAME_S, STEP_S = 1.0 / 60.0, 1.0 / 30.0  # of what is drawn, of what is done
+FRAME_S, STEP_S = 1.0 / 60.0, 1.0 / 20.0  # of what is drawn; of what is done, as by a slow mouse
 # Time that passes when the script says so, a frame at a call: what a person by script does there does not hang on the machine's load.
 STEPPED = """(() => { let now = 0, frames = [], timers = [], id = 0;
   performance.now = () => now; Date.now = () => now;
@@ -116,7 +116,7 @@ def until(tab: Any, says: str, timeout_s: float = 15.0) -> None:
     while not tab.evaluate(says):
         late = now(tab) - begun > timeout_s and time.monotonic() - really > 5.0
         assert not late, f"never: {says}"
-        wait(tab, 0.05)
+        wait(tab, 0.1)
         time.sleep(0.002)
 
 
@@ -203,6 +203,37 @@ def teach(tab: Any, role: str, count: int, rng: random.Random) -> int:
         if tab.evaluate(done) >= count:
             return tries
     raise AssertionError(f"{tab.evaluate(done)} lessons as {role} in {3 * count} tries")
+
+
+def studied(tab: Any, number: int, trials: int) -> list[str]:
+    """A study by script on its tab: the laws as they were shown, which is not told before the end."""
+    tab.evaluate(f"comanip.study.plan.trials = {trials}; comanip.study.plan.practice = 0")
+    tab.click("#tab-study")
+    tab.fill("#study input[type=number]", str(number))
+    assert tab.locator("#study button.main").is_disabled()  # without consent nothing begins
+    tab.check("#study input[type=checkbox]")
+    tab.click("#study button:has-text('Begin')")
+    for block in range(3):
+        for trial in range(trials):
+            settled(tab)
+            assert f"Robot {block + 1} of 3, lift {trial + 1}" in tab.locator("#study h2").inner_text()
+            shown = tab.locator("body").inner_text()
+            assert not any(name in shown for name in ("mass-damper", "damping")), "the law is shown"
+            leads(tab, random.Random(trial), duration_s=2.4, onset_s=0.8)
+        until(tab, "document.querySelector('#study fieldset') !== null")
+        for name in ("ease", "predictability"):
+            tab.locator(f"#study input[name={name}][value='{6 - block}']").check(force=True)
+        tab.click("#study button:has-text('Go on')")
+    tab.fill("#study textarea", "<img src=x onerror=\"document.title='owned'\">")
+    tab.click("#study button:has-text('Robot 1')")
+    return tab.evaluate("comanip.study.order.map(one => one.name)")
+
+
+def kept_study(tab: Any, kind: str, file: Path) -> Path:
+    with tab.expect_download() as kept:
+        tab.click(f"#study button:has-text('{kind}')")
+    kept.value.save_as(file)
+    return file
 
 
 def _taken(tab: Any, before: int) -> dict[str, Any]:

@@ -26,18 +26,20 @@ from comanip.page.serve import server
 from comanip.page.study import read_person
 from comanip.teaching import teach as simulated
 from comanip.web.report import _lift
-from page.browser import (
+from page.browser import (  # fmt: skip
     Finger,
     Mouse,
     browser,
     follow,
     handle,
+    kept_study,
     lead,
     leads,
     needs_browser,
     now,
     opened,
     settled,
+    studied,
     teach,
     until,
     wait,
@@ -261,37 +263,6 @@ def test_lessons_taught_there_are_kept_opened_again_and_learned_from(one: Any, f
         assert tab.evaluate("comanip.teach.lessons.length") == 2
 
 
-def studied(tab: Any, number: int, trials: int) -> list[str]:
-    """A study by script on its tab: the laws as they were shown, which is not told before the end."""
-    tab.evaluate(f"comanip.study.plan.trials = {trials}; comanip.study.plan.practice = 0")
-    tab.click("#tab-study")
-    tab.fill("#study input[type=number]", str(number))
-    assert tab.locator("#study button.main").is_disabled()  # without consent nothing begins
-    tab.check("#study input[type=checkbox]")
-    tab.click("#study button:has-text('Begin')")
-    for block in range(3):
-        for trial in range(trials):
-            settled(tab)
-            assert f"Robot {block + 1} of 3, lift {trial + 1}" in tab.locator("#study h2").inner_text()
-            shown = tab.locator("body").inner_text()
-            assert not any(name in shown for name in ("mass-damper", "damping")), "the law is shown"
-            leads(tab, random.Random(trial), duration_s=2.4, onset_s=0.8)
-        until(tab, "document.querySelector('#study fieldset') !== null")
-        for name in ("ease", "predictability"):
-            tab.locator(f"#study input[name={name}][value='{6 - block}']").check(force=True)
-        tab.click("#study button:has-text('Go on')")
-    tab.fill("#study textarea", "<img src=x onerror=\"document.title='owned'\">")
-    tab.click("#study button:has-text('Robot 1')")
-    return tab.evaluate("comanip.study.order.map(one => one.name)")
-
-
-def kept_study(tab: Any, kind: str, file: Path) -> Path:
-    with tab.expect_download() as kept:
-        tab.click(f"#study button:has-text('{kind}')")
-    kept.value.save_as(file)
-    return file
-
-
 def test_a_study_by_script_is_blind_complete_and_analysed(one: Any, file: Path, tmp_path: Path) -> None:
     with opened(one, file) as tab:
         order = studied(tab, 4, trials=1)
@@ -305,6 +276,7 @@ def test_a_study_by_script_is_blind_complete_and_analysed(one: Any, file: Path, 
         assert set(trials) == {f"{name}-1.mcap" for name in order}
         assert trials[f"{order[0]}-1.mcap"].metadata["condition"] == order[0]
     assert person.complete
+    assert all(trial["verdict"]["success"] for trial in person.trials), [trial["verdict"]["failures"] for trial in person.trials]
     assert sorted(person.about["order"]) == sorted(["default", "mass-damper", "damping"])
     assert {t["condition"] for t in person.trials} == set(person.about["order"])
     assert person.prefers == person.about["order"][0] == order[0]

@@ -102,6 +102,21 @@ def test_a_person_who_stopped_counts_as_far_as_trials_are_pairs(tmp_path: Path) 
         (1, '{"type":"<script>"}', "unknown type"),
         (1, '{"type":"trial","condition":"other","trial":1}', "condition 'other' is unknown"),
         (1, '{"type":"trial","condition":"default","trial":"1"}', "trial is a whole number"),
+        (1, '{"type":"trial","condition":"default","trial":true}', "trial is a whole number"),
+        (1, '{"type":"trial","condition":"default","trial":2}', "stands there twice"),
+        (1, '{"type":"trial","condition":"default","trial":1,"dt_s":-1}', "dt_s is from"),
+        (1, '{"type":"trial","condition":"default","trial":1,"verdict":{"success":[]}}', "success is true or false"),
+        (
+            1,
+            '{"type":"trial","condition":"default","trial":1,"verdict":{"success":true,"effort_n2s":1e400}}',
+            "is a number or null",
+        ),
+        (1, '{"type":"trial","condition":"default","trial":1,"channels":"x"}', "channels is an object"),
+        (1, '{"type":"trial","condition":"default","trial":1,"channels":{"position":[[1],[2,3]]}}', "rows of 1 numbers"),
+        (1, '{"type":"trial","condition":"default","trial":1,"channels":{"a\\n":[1]}}', "rows of 1 numbers"),
+        (0, '{"type":"study","version":1,"conditions":["a","a"]}', "each once"),
+        (0, '{"type":"study","version":1,"conditions":["a"],"axes":3}', "axes is a list"),
+        (5, '{"type":"answers","condition":"default","ease":true,"predictability":1}', "ease is from 1 to 7"),
         (1, '{"type":"trial","condition":"default","trial":1,"verdict":3}', "verdict is an object"),
         (5, '{"type":"answers","condition":"default","ease":9,"predictability":1}', "ease is from 1 to 7"),
     ],
@@ -115,6 +130,21 @@ def test_what_is_no_study_is_refused_with_file_and_line(line: int, text: str, sa
         read_person(file)
     assert str(file) in str(said.value)
     assert "\n" not in str(said.value)
+
+
+def test_names_of_somebody_elses_file_stay_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from comanip.commands.app import app
+
+    nasty = "[red]x[/red] <img src=x onerror=alert(1)> $\\alpha$ \x1b[31m ../../etc"
+    file = written(tmp_path, "p", np.random.default_rng(7))
+    file.write_text(file.read_text().replace('"default"', json.dumps(nasty)))
+    out = tmp_path / "trials"
+    app(["study", str(file), "-o", str(out), "--plot", str(tmp_path / "study.png")], result_action="return_value")
+    told = capsys.readouterr().out
+    assert "[red]x" in told.replace("\n", "")
+    assert "\x1b[31m" not in told
+    assert {one.parent for one in tmp_path.rglob("*.mcap")} == {out}
+    assert (tmp_path / "study.png").stat().st_size > 10_000
 
 
 def test_studies_of_other_conditions_are_not_thrown_together(tmp_path: Path) -> None:

@@ -9,6 +9,8 @@ from typing import Any
 from .drawing import CLAY, INK, SEA, blank, label, taste
 from .shown import for_drawing
 
+MOST_LETTERS = 24
+
 
 def study_picture(found: Mapping[str, Any], measures: Mapping[str, tuple[str, str, bool]]) -> Any:
     """Figure of what `page.study.analysis` found; `measures`: name -> (what it is, unit, whether more is better)."""
@@ -24,9 +26,7 @@ def study_picture(found: Mapping[str, Any], measures: Mapping[str, tuple[str, st
             _differences(panel, found["differences"][name], more)
             panel.set_title(for_drawing(what), fontsize=7.5)
             label(panel, unit or "difference", "")
-        panels[0].set_yticks(
-            range(len(pairs)), ["\n− ".join(map(for_drawing, pair.split(" - ", 1))) for pair in pairs], fontsize=7.5
-        )
+        panels[0].set_yticks(range(len(pairs)), ["\n− ".join(map(_short, pair.split(" - ", 1))) for pair in pairs], fontsize=7.5)
         for panel in panels[1:-1]:
             panel.set_yticks(range(len(pairs)), [""] * len(pairs))
         _preference(panels[-1], found["prefer"])
@@ -51,7 +51,12 @@ def _differences(panel: Any, differences: Mapping[str, Any], more_is_better: boo
 def _preference(panel: Any, prefer: Mapping[str, int]) -> None:
     names = list(prefer)
     panel.barh(range(len(names)), [prefer[name] for name in names], color=INK, height=0.5)
-    panel.set_yticks(range(len(names)), [for_drawing(name) for name in names], fontsize=7)
+    panel.set_yticks(range(len(names)), [_short(name) for name in names], fontsize=7)
     panel.set_ylim(len(names) - 0.5, -0.5)
     panel.set_title("preferred by", fontsize=7.5)
     label(panel, "persons", "")
+
+
+def _short(name: str) -> str:
+    """A condition's name, which somebody else's file may make as long as it likes."""
+    return for_drawing(name if len(name) <= MOST_LETTERS else f"{name[: MOST_LETTERS - 1]}…")

@@ -7,23 +7,19 @@ independent. The interval is Student's, 95 %, of the mean difference.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from math import inf, isfinite, nan, sqrt
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import RecordingError
-from ..interfaces import Array
-from ..recording import Channel, Recording
+from .study_file import Person as Person
+from .study_file import read_person as read_person
+from .study_file import recordings as recordings
 
-VERSION = 1
 ENOUGH = 5  # persons from whom on a person is a pair
-MOST_BYTES = 200_000_000
 MEASURES = {  # name -> (what it is, unit, whether more is better)
     "success": ("success", "", True),
     "effort": ("effort ∫F² dt", "N² s", False),
@@ -33,23 +29,6 @@ MEASURES = {  # name -> (what it is, unit, whether more is better)
     "predictability": ("predictability, 1 to 7", "", True),
 }
 _VERDICT = {"effort": "effort_n2s", "peak": "peak_n", "duration": "duration_s"}
-_CHANNELS = {
-    "position": ("hand.position", "m"), "velocity": ("hand.velocity", "m/s"), "sensor_force": ("hand.sensor_force", "N"),
-    "force": ("hand.force_estimate", "N"), "true_force": ("hand.true_force", "N"), "tilt": ("beam.tilt", "rad"),
-    "command_velocity": ("command.velocity", "m/s"), "end_position": ("partner.position", "m"), "pull_n": ("partner.force", "N"),
-}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Person:
-    """One file: who, the order of conditions, and what was done and said; `complete` unless the person stopped."""
-
-    name: str
-    about: Mapping[str, Any]
-    trials: tuple[Mapping[str, Any], ...]
-    answers: Mapping[str, Mapping[str, float]]
-    prefers: str
-    complete: bool
 
 
 class Difference(NamedTuple):
@@ -64,94 +43,6 @@ class Difference(NamedTuple):
     def told(self) -> bool:
         """Whether the interval leaves out 0."""
         return self.low > 0.0 or self.high < 0.0
-
-
-def read_person(path: Path) -> Person:
-    """The study of one person. RecordingError that names file and line for anything else."""
-    about: dict[str, Any] = {}
-    trials: list[dict[str, Any]] = []
-    answers: dict[str, dict[str, float]] = {}
-    prefers, complete = "", False
-    for number, record in _lines(path):
-        kind = record.get("type")
-        if (kind == "study") != (not about):
-            raise RecordingError(
-                f"{path}: line {number}: {'a second' if about else 'no'} record of type study; it stands first, once"
-            )
-        if kind == "study":
-            about = _about(path, record)
-        elif kind == "trial":
-            trials.append(_trial(path, number, record, about["conditions"]))
-        elif kind == "answers":
-            answers[_condition(path, number, record, about["conditions"])] = _answered(path, number, record)
-        elif kind == "preference":
-            prefers = _condition(path, number, record, about["conditions"])
-        elif kind == "end":
-            complete = record.get("reason") == "complete"
-        else:
-            raise RecordingError(
-                f"{path}: line {number}: unknown type {str(kind)[:40]!r}; allowed: study, trial, answers, preference, end"
-            )
-    if not about:
-        raise RecordingError(f"{path}: no study of the page: it holds no line")
-    return Person(path.name, about, tuple(trials), answers, prefers, complete)
-
-
-def _lines(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
-    try:
-        if path.stat().st_size > MOST_BYTES:
-            raise RecordingError(f"{path}: {path.stat().st_size / 1e6:.0f} MB; a study has at most {MOST_BYTES / 1e6:.0f}")
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError as error:
-        raise RecordingError(f"{path}: not a study of the page: {error}") from None
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not line.strip():
-            continue
-        try:
-            record = json.loads(line)
-        except (ValueError, RecursionError) as error:
-            raise RecordingError(f"{path}: line {number}: not JSON: {error}") from None
-        if not isinstance(record, dict):
-            raise RecordingError(f"{path}: line {number}: a record is an object {{...}}")
-        yield number, record
-
-
-def _about(path: Path, record: dict[str, Any]) -> dict[str, Any]:
-    if record.get("version") != VERSION:
-        raise RecordingError(f"{path}: written as version {record.get('version')!r}; this comanip reads version {VERSION}")
-    conditions = record.get("conditions")
-    if not (isinstance(conditions, list) and conditions and all(isinstance(c, str) for c in conditions)):
-        raise RecordingError(f"{path}: line 1: conditions is a list of names; got {str(conditions)[:60]}")
-    return record
-
-
-def _condition(path: Path, number: int, record: Mapping[str, Any], conditions: Sequence[str]) -> str:
-    name = record.get("condition")
-    if name not in conditions:
-        raise RecordingError(
-            f"{path}: line {number}: condition {str(name)[:40]!r} is unknown; the study has: {', '.join(conditions)}"
-        )
-    return str(name)
-
-
-def _trial(path: Path, number: int, record: dict[str, Any], conditions: Sequence[str]) -> dict[str, Any]:
-    _condition(path, number, record, conditions)
-    if not isinstance(record.get("trial"), int):
-        raise RecordingError(f"{path}: line {number}: trial is a whole number; got {str(record.get('trial'))[:40]}")
-    verdict = record.get("verdict")
-    if verdict is not None and not isinstance(verdict, dict):
-        raise RecordingError(f"{path}: line {number}: verdict is an object, or null for a trial that was too short")
-    return record
-
-
-def _answered(path: Path, number: int, record: Mapping[str, Any]) -> dict[str, float]:
-    given = {name: record.get(name) for name in ("ease", "predictability")}
-    for name, value in given.items():
-        if not (isinstance(value, int | float) and 1 <= value <= 7):
-            raise RecordingError(f"{path}: line {number}: {name} is from 1 to 7; got {str(value)[:40]}")
-    return {name: float(value) for name, value in given.items()}  # type: ignore[arg-type]
 
 
 def measured(person: Person, measure: str, condition: str) -> dict[int, float]:
@@ -229,29 +120,3 @@ def analysis(persons: Sequence[Person]) -> dict[str, Any]:
 
 def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values)) if values else nan
-
-
-def recordings(person: Person) -> Iterator[tuple[str, Recording]]:
-    """Every trial of a person as a recording, with a name for its file."""
-    about = person.about
-    axes = tuple(about.get("axes", ("z",)))
-    for trial in person.trials:
-        stated = {k: v for k, v in trial.items() if k not in ("channels", "mode", "type")}
-        dt = float(trial.get("dt_s", 0.01))
-        channels = {}
-        for key, rows in (trial.get("channels") or {}).items():
-            values = np.array(rows, dtype=float).reshape(-1, len(axes))
-            if key in _CHANNELS:
-                name, unit = _CHANNELS[key]
-                channels[name] = Channel(_times(len(values), dt), values, unit, "task", axes)
-        same = {
-            k: about[k]
-            for k in ("participant", "task", "load_mass_kg", "load_share", "gravity_m_per_s2", "made_by")
-            if k in about
-        }
-        name = f"{Path(person.name).stem}-{trial['condition']}-{trial['trial']}"
-        yield name, Recording(channels, {**same, **stated})
-
-
-def _times(n: int, dt: float) -> Array:
-    return np.round(dt * np.arange(n), 9)

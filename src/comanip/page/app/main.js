@@ -205,8 +205,18 @@ class Page {
     if (this.takes.length > 200) this.takes.shift();
     $("save-take").disabled = false;
     this.sayVerdict(found);
-    if (!this.hands.target || this.hands.kind !== "pointer") setTimeout(() => { this.hands.release(); session.goBack(performance.now()); }, 1400);
+    if (!this.hands.target || this.hands.kind !== "pointer") this.goesBack(1400);
     return undefined;
+  }
+
+  // In a while the hand is open and the beam goes back, unless another lift has been prepared meanwhile: that one is held by somebody.
+  goesBack(milliseconds) {
+    const { session } = this, { take } = session;
+    setTimeout(() => {
+      if (session.take !== take) return;
+      this.hands.release();
+      session.goBack(performance.now());
+    }, milliseconds);
   }
 
   sayVerdict(found) {

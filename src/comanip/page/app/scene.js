@@ -80,13 +80,13 @@ export class Scene {
     const robot = this.at(s.robot, 0), person = this.at(s.person, 1);
     this.handle = person;
     this.floor(g, w, h);
-    if (s.guide) this.guide(g, s.guide);
-    if (s.goal) this.goal(g, s);
     if (this.above) this.fromAbove(g, robot, person, s);
     else {
       this.figure(g, robot, -1, s);
       this.figure(g, person, 1, s);
     }
+    if (s.guide) this.guide(g, s.guide);
+    if (s.goal) this.goal(g, s);
     this.beam(g, robot, person, s);
     if (!this.above) {
       this.arm(g, robot, -1, s, true);
@@ -106,7 +106,7 @@ export class Scene {
     g.fillRect(0, y, w, h - y);
   }
 
-  // The way to the goal, where it is not straight: dots of equal time, at the person's end
+  // The way to the goal, where it is not straight, at the person's end
   guide(g, rows) {
     g.save();
     g.strokeStyle = g.fillStyle = COLOURS.goal;

@@ -98,8 +98,7 @@ export class Study {
       if (++this.trial >= this.plan.trials) this.stage = "questions";
     }
     this.show();
-    const wait = this.page.hands.kind === "pointer" ? 500 : 300;
-    setTimeout(() => { this.page.hands.release(); session.goBack(performance.now()); }, wait);
+    this.page.goesBack(this.page.hands.kind === "pointer" ? 500 : 300);
   }
 
   record(session) {

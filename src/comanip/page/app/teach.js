@@ -78,7 +78,7 @@ export class Teach {
       if (this.lessons.filter(one => one.role === this.role).length === LESSONS) { this.page.sound.arrived(); tell(`five lessons as ${this.role}: keep them, and learn`); }
     }
     this.refresh();
-    setTimeout(() => { this.page.hands.release(); session.goBack(performance.now()); }, this.page.hands.kind === "pointer" ? 700 : 500);
+    this.page.goesBack(this.page.hands.kind === "pointer" ? 700 : 500);
   }
 
   // A lesson that somebody opens again: what a file says is text.
