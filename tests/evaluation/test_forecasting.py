@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from comanip.errors import ParameterError
-from comanip.evaluation import forecasting
-from comanip.evaluation.forecasting import HORIZONS_S, Forecaster, Head, forecaster, history, roll_outs
+from comanip.evaluation import forecasting, heads
+from comanip.evaluation.forecasting import HORIZONS_S, Forecaster, Mixture, forecaster, roll_outs
+from comanip.evaluation.heads import RIDGE, Head, history
 from comanip.learned.skill import learn
 
 
@@ -39,21 +40,24 @@ def test_nothing_later_than_now_is_seen(ours, lessons):
 def test_history_reaches_back_and_holds_the_first_frame_before_the_beginning(lessons):
     lesson = lessons["follower"][0]
     past = history(lesson)
-    assert past.shape == (len(lesson), 2 * 9)
-    assert (past[200, :9] == lesson.velocity[200 - 5 * np.arange(9), 0]).all()
-    assert (past[7, 9:] == lesson.force[np.maximum(7 - 5 * np.arange(9), 0), 0]).all()
+    assert past.shape == (len(lesson), 2 * 9, 1)
+    assert (past[200, :9, 0] == lesson.velocity[200 - 5 * np.arange(9), 0]).all()
+    assert (past[7, 9:, 0] == lesson.force[np.maximum(7 - 5 * np.arange(9), 0), 0]).all()
 
 
 def test_constant_velocity_itself_has_skill_zero_and_the_truth_has_one(skills, lessons):
     lesson = lessons["follower"][5]
-    nothing = Head(np.zeros(18), np.ones(18), np.zeros((18, 1)), np.zeros(1), False)
-    judged = Forecaster(skills["follower"], (nothing,) * 4, (nothing,) * 4).judged(lesson)
-    assert judged.ours == pytest.approx((0.0,) * 4)
+
+    def constant(metres):
+        head = Head(False, np.zeros((18, 1)), np.ones((18, 1)), np.zeros((18, 1)), np.array([metres]))
+        return Mixture((RIDGE,), (head,), np.ones((1, 1)))
+
+    nothing = (constant(0.0),) * 4
+    assert Forecaster(skills["follower"], nothing, nothing).judged(lesson).ours == pytest.approx((0.0,) * 4)
     even = replace(lesson, signals={**lesson.signals, "position": 0.2 * lesson.dt * np.arange(len(lesson))[:, None]})
     even = replace(even, signals={**even.signals, "velocity": np.full_like(even.position, 0.1)})
-    right = Head(np.zeros(18), np.ones(18), np.zeros((18, 1)), np.zeros(1), False)
-    heads = tuple(replace(right, offset=np.array([0.1 * h])) for h in HORIZONS_S)  # the half that the velocity channel lacks
-    assert Forecaster(skills["follower"], heads, heads).judged(even).ours == pytest.approx((1.0,) * 4)
+    right = tuple(constant(0.1 * h) for h in HORIZONS_S)  # the half that the velocity channel lacks
+    assert Forecaster(skills["follower"], right, right).judged(even).ours == pytest.approx((1.0,) * 4)
 
 
 def test_forces_without_meaning_leave_constant_velocity(lessons):
@@ -105,23 +109,49 @@ def test_a_ridge_holds_back_slopes_and_not_the_mean():
     rng = np.random.default_rng(0)
     z = np.column_stack([rng.normal(size=(200, 3)), np.ones(200)])
     y = 5.0 + z[:, :1] + 0.1 * rng.normal(size=(200, 1))
-    solved = forecasting._solved(z.T @ z, z.T @ y, 1e6)
+    (solved,) = heads._solved(z.T @ z, z.T @ y, np.array([1e6]), True)
     assert np.abs(solved[:-1]).max() < 1e-2
     assert solved[-1, 0] == pytest.approx(float(y.mean()), abs=1e-2)
 
 
-def test_where_nothing_is_to_be_foreseen_the_head_is_exactly_nothing():
-    """Noise on noise in four lessons: every ridge costs more on lessons left out than constant velocity does."""
+@pytest.mark.parametrize("shared", [True, False])
+def test_a_head_finds_slopes_and_says_of_a_lesson_what_the_others_teach(shared):
+    """Two axes, the same slope on both; of the odd lesson the other three say what they know, not what it shows."""
+    rng = np.random.default_rng(2)
+    seen = [rng.normal(size=(80, 3, 2)) for _ in range(4)]
+    truth = [2.0 * x[:, 0] - x[:, 2] for x in seen[:3]] + [-2.0 * seen[3][:, 0]]
+    head, said = heads.fitted(shared, seen[:3], truth[:3], [[0, 1]], [3])
+    assert head(seen[3]) == pytest.approx(2.0 * seen[3][:, 0] - seen[3][:, 2], abs=0.01)
+    _, said = heads.fitted(shared, seen, truth, [[0, 1]], [3])
+    assert np.corrcoef(said[3].ravel(), (2.0 * seen[3][:, 0] - seen[3][:, 2]).ravel())[0, 1] > 0.95
+
+
+@pytest.mark.parametrize("view", heads.VIEWS)
+def test_turned_axes_have_the_same_forecast(view, lessons):
+    from scipy.spatial.transform import Rotation
+
+    rng, turn = np.random.default_rng(3), Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()
+    seen = [rng.normal(size=(60, 2 * heads.LAGS, 3)) * [1.0, 0.2, 3.0] for _ in range(3)]
+    truth = [x[:, 0] + 0.3 * x[:, 10] ** 2 for x in seen]
+    plain, _ = heads.fitted(view.shared, seen, truth, [[0, 1, 2]], [heads.LAGS] * 2)
+    turned, _ = heads.fitted(view.shared, [x @ turn.T for x in seen], [y @ turn.T for y in truth], [[0, 1, 2]], [heads.LAGS] * 2)
+    assert turned(seen[0] @ turn.T) == pytest.approx(plain(seen[0]) @ turn.T, abs=1e-9)
+
+
+def test_where_nothing_is_to_be_foreseen_the_ridge_is_exactly_nothing(lessons, skills):
+    """Velocity that is noise: the ridge costs more on lessons left out than constant velocity does, or nearly nothing is left."""
     rng = np.random.default_rng(1)
-    inputs, truth = [rng.normal(size=(60, 6)) for _ in range(4)], [rng.normal(size=(60, 1)) for _ in range(4)]
-    head, cost = forecasting._ridge(inputs, truth, False)
-    assert not head.gains.any()
-    assert not head.offset.any()
-    assert cost == pytest.approx(sum(float((y**2).sum()) for y in truth))
+    guesses, truth = [rng.normal(size=(2, 60, 1)) for _ in range(4)], [rng.normal(size=(60, 1)) for _ in range(4)]
+    assert not forecasting._if_better(np.array([1.0, 0.0]), guesses, truth).any()
+    assert forecasting._if_better(np.array([1.0, 0.0]), [np.stack([y, y]) for y in truth], truth).any()
 
 
-def test_of_one_lesson_no_roll_out_is_chosen_and_of_several_only_one_that_helps(skills, lessons):
-    assert not any(head.uses_roll_out for head in forecaster(skills["follower"], lessons["follower"][:1]).heads)
-    several = forecaster(skills["follower"], lessons["follower"][:3])
-    for head, ridge in zip(several.heads, several.ridges, strict=True):
-        assert head.uses_roll_out or head is ridge
+def test_of_one_lesson_no_roll_out_is_used_and_of_two_all_heads_weigh_the_same(skills, lessons):
+    one, two = (forecaster(skills["follower"], lessons["follower"][:n]) for n in (1, 2))
+    assert not any(view.roll_out for mixture in one.mixtures for view in mixture.views)
+    for mixture in two.mixtures:
+        assert len(mixture.views) == len(heads.VIEWS)
+        assert np.ptp(mixture.weights) == 0.0
+    three = forecaster(skills["follower"], lessons["follower"][:3])
+    assert any(np.ptp(mixture.weights) > 0.0 for mixture in three.mixtures)
+    assert all((mixture.weights >= 0.0).all() for mixture in three.mixtures)

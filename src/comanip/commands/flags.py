@@ -37,6 +37,10 @@ class DataFlags:
         Parameter(help="What the robot did in recordings that do not say it; natural: nobody was told a role."),
     ] = None
     axes: Annotated[str | None, Parameter(help="Names of the axes, e.g. z or x,y,z.")] = None
+    segment_by: Annotated[
+        str | None,
+        Parameter(help="Column(s) of labels at whose changes a file is cut into recordings, e.g. trial or task=1,target."),
+    ] = None
     extra: Annotated[list[str] | None, Parameter(help="Another channel: name=column,column; may be repeated.")] = None
     position_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not m: mm, cm, deg ...")] = None
     velocity_unit: Annotated[str | None, Parameter(help="Unit in the file when it is not m/s.")] = None
@@ -67,6 +71,9 @@ class DataFlags:
         bool,
         Parameter(negative="", help="Take the mean force of the rest at the start off each recording."),
     ] = False
+    tare_auto: Annotated[
+        bool, Parameter(negative="", help="Do that where lessons left out are foreseen better by it, and say so.")
+    ] = False
     split_gaps: Annotated[bool, Parameter(negative="", help="Cut a recording at gaps instead of refusing it.")] = False
     recover: Annotated[bool, Parameter(negative="", help="Read what a damaged .mcap still holds.")] = False
 
@@ -75,7 +82,7 @@ class DataFlags:
 class LearnFlags:
     """How a skill is learned."""
 
-    states: Annotated[str, Parameter(help="Number of states K; 'auto' chooses by cross-validation; default 10 (paper: 5).")] = ""
+    states: Annotated[str, Parameter(help="Number of states K; 'auto' chooses by lessons left out; default 10 (paper: 5).")] = ""
     law: Annotated[LearnedLaw, Parameter(help="The law that will run the skill.")] = "default"
     topology: Annotated[Literal["left-right", "cyclic", "free"], Parameter(help="Which transitions exist.")] = "left-right"
     restarts: Annotated[int, Parameter(help="Attempts from different first guesses; the most likely model wins.")] = 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -99,10 +99,11 @@ def evaluate(files: Sequence[Path], leave_one_out: bool, data: DataFlags, flags:
             raise ParameterError(f"{files[0]}: --leave-one-out learns its own skills; give recordings only")
         lessons = read_lessons(files, data)
         say_if_slow()
+        learn_on = _learner(flags, role=data.role, shares=len(lessons))
+        fitting = {"topology": flags.topology, "allow_constant": flags.allow_constant}
         with progress("learning on the others") as report:
-            options = _options(lessons, flags, role=data.role)
-            found = prediction.leave_one_out(lessons, progress=report, choose=True, **options)
-        forecasts = foreseen(lessons, lambda others: learn_skill(others, **options), prediction.takes_of(lessons))
+            found = prediction.leave_one_out(lessons, progress=report, choose=True, learn_on=learn_on, **fitting)
+        forecasts = foreseen(lessons, learn_on, prediction.takes_of(lessons))
         source = "leave-one-out"
     else:
         if len(files) < 2:
@@ -270,13 +271,28 @@ def convert(file: Path, out: Path, data: DataFlags, overwrite: bool, json: bool)
             say(f"{target}: {', '.join(recording.channels)}")
 
 
-def _options(lessons: Sequence[Demonstration], flags: LearnFlags, *, role: str | None) -> dict[str, Any]:
-    states: int | None
-    if flags.states == "auto":
-        states = _choose_states(lessons, flags)
-    elif flags.states in ("", "default"):
+def _learner(flags: LearnFlags, *, role: str | None, shares: int) -> Callable[[list[Demonstration]], LearnedSkill]:
+    """Learns from lessons as the flags say, from the same lessons once: whatever is chosen is chosen on these lessons alone."""
+    known: dict[tuple[int, ...], LearnedSkill] = {}
+
+    def learn_on(others: list[Demonstration]) -> LearnedSkill:
+        key = tuple(id(x) for x in others)
+        if key not in known:
+            known[key] = learn_skill(others, **_options(others, flags, role=role, shares=shares))
+        return known[key]
+
+    return learn_on
+
+
+def _options(
+    lessons: Sequence[Demonstration], flags: LearnFlags, *, role: str | None, states: int | None = None, shares: int = 1
+) -> dict[str, Any]:
+    """Arguments of `learn`; `states` is a number that has been chosen already, one of so many `shares` of the time for it."""
+    if states is None and flags.states == "auto":
+        states = _choose_states(lessons, flags, role=role, shares=shares)
+    elif states is None and flags.states in ("", "default"):
         states = states_of(flags.law, None, {})
-    else:
+    elif states is None:
         try:
             states = int(flags.states)
         except ValueError:
@@ -293,20 +309,30 @@ def _options(lessons: Sequence[Demonstration], flags: LearnFlags, *, role: str |
     }
 
 
-def _choose_states(lessons: Sequence[Demonstration], flags: LearnFlags) -> int:
-    from ..fitting.selection import select_states
+def _choose_states(lessons: Sequence[Demonstration], flags: LearnFlags, *, role: str | None, shares: int) -> int:
+    """By the figures that `evaluate` prints, of lessons left out; of one lesson by the information criterion."""
+    from ..evaluation.choosing import BUDGET_S, choose_states
+    from ..evaluation.takes import takes_of
 
     say_if_slow()
+    usual = states_of(flags.law, None, {})
+    if len(set(takes_of(lessons))) < 2:
+        return _by_criterion(lessons, flags)
+    learning = {k: v for k, v in _options(lessons, flags, role=role, states=usual).items() if k not in ("n_states", "rng")}
+    with progress("choosing the number of states") as report:
+        chosen = choose_states(lessons, usual=usual, progress=report, budget_s=BUDGET_S / shares, **{**learning, "restarts": 1})
+    note(str(chosen))
+    return chosen.n_states
+
+
+def _by_criterion(lessons: Sequence[Demonstration], flags: LearnFlags) -> int:
+    from ..fitting.selection import select_states
+
     groups = ("position", "velocity") if flags.no_force else ("position", "force", "velocity")
     channels = [c for c in lessons[0].channels if c.split(".")[0] in groups]
-    chosen = select_states(
-        [lesson.array(channels) for lesson in lessons],
-        range(3, 13),
-        channels=channels,
-        criterion="cross-validation" if len(lessons) > 1 else "bic",
-        topology=flags.topology,
-    )
-    note(f"states: {chosen.n_states} of 3..12")
+    frames = [lesson.array(channels) for lesson in lessons]
+    chosen = select_states(frames, range(3, 13), channels=channels, criterion="bic", topology=flags.topology)
+    note(f"states: {chosen.n_states} of 3..12 by BIC: nothing can be left out of one recording")
     return chosen.n_states
 
 

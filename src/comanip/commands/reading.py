@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import ParameterError, RecordingError
+from ..errors import ComanipError, ParameterError, RecordingError
 from ..formats import read
 from ..formats.columns import Columns, split_columns
 from ..formats.mapping_file import mapping_file
@@ -17,9 +18,11 @@ from ..lessons.shards import ParquetShards, RecordingShards, rate_of
 from ..recording import Recording
 from .flags import DataFlags
 
+LEAST_TO_CHOOSE = 3  # recordings
 STREAMED_BYTES = 128 << 20  # of Parquet, packed: more is read a piece at a time
 PREPARED = ("sensor_force", "time", "resample_hz", "extra", "position_unit", "velocity_unit", "force_unit", "time_unit",
-            "load_mass_kg", "trim_rest_s", "drop_bad", "split_gaps", "tare", "force_bias_n", "integrate_position")  # fmt: skip
+            "load_mass_kg", "trim_rest_s", "drop_bad", "split_gaps", "segment_by", "tare", "tare_auto", "force_bias_n",
+            "integrate_position")  # fmt: skip
 
 
 def beyond_memory(files: Sequence[Path]) -> bool:
@@ -32,7 +35,7 @@ def columns_of(flags: DataFlags) -> Columns:
     """The mapping of a file that is given, and of the flags, which go before it."""
     base = mapping_file(flags.mapping) if flags.mapping is not None else Columns()
     named = ("position", "velocity", "force", "sensor_force", "axes", "time", "rate_hz", "role", "position_unit", "velocity_unit",
-             "force_unit", "time_unit")  # fmt: skip
+             "force_unit", "time_unit", "segment_by")  # fmt: skip
     given: dict[str, Any] = {name: getattr(flags, name) for name in named if getattr(flags, name) is not None}
     extra = {**base.extra, **{name: (columns,) for name, columns in _pairs("--extra", flags.extra, "name=column,column")}}
     frames = {**base.frames, **dict(_pairs("--frame", flags.frame, "name=same, name=hand or name=w,x,y,z"))}
@@ -62,7 +65,35 @@ def read_recordings(files: Sequence[Path], flags: DataFlags) -> list[Recording]:
 
 def read_lessons(files: Sequence[Path], flags: DataFlags, *, min_frames: int = 4) -> tuple[Demonstration, ...]:
     """Demonstrations at one rate, prepared and checked as a set (one role, no repeats, one scale) as the flags say."""
-    return demonstrations(read_recordings(files, flags), preparation_of(flags, min_frames))
+    recordings = read_recordings(files, flags)
+    if flags.tare_auto:
+        flags = replace(flags, tare=_worth_taring(recordings, flags, min_frames), tare_auto=False)
+    return demonstrations(recordings, preparation_of(flags, min_frames))
+
+
+def _worth_taring(recordings: Sequence[Recording], flags: DataFlags, min_frames: int) -> bool:
+    """Says which; where a recording has no rest to tare by, or there are fewer than 3, nothing is taken off."""
+    from ..evaluation.choosing import choose_tare
+    from .console import note
+
+    if flags.tare or flags.force_bias_n:
+        raise ParameterError("--tare-auto with --tare or --force-bias-n; allowed: one of them")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            plain, tared = (
+                demonstrations(recordings, preparation_of(replace(flags, tare=tare, tare_auto=False), min_frames))
+                for tare in (False, True)
+            )
+        except ComanipError as error:
+            note(f"force at rest left as recorded: {error}")
+            return False
+    if len(plain) < LEAST_TO_CHOOSE:
+        note(f"force at rest left as recorded: {len(plain)} recordings are too few to choose by; least {LEAST_TO_CHOOSE}")
+        return False
+    chosen = choose_tare(plain, tared)
+    note(str(chosen))
+    return chosen.tare
 
 
 def read_each(files: Sequence[Path], flags: DataFlags) -> tuple[Demonstration, ...]:

@@ -2,9 +2,10 @@
 
 constant velocity   x + h v: hard to beat over 0.1 s, useless over one
 ridge               a linear map of the last 0.4 s of velocity and force, learned on the same lessons
-ours                the ridge with one more input: what the skill's own roll-out foresees
+ours                a weighted mean of several such maps (`heads`): of a longer and a shorter past, with one slope for all axes,
+                    with the place, with what the skill's own roll-out foresees
 
-Whether that input helps, and whether a ridge helps at all, is chosen on the lessons themselves, each left out in turn.
+Weights are learned on lessons left out in turn (`stacking`); where these are fewer than three all maps weigh the same.
 """
 
 from __future__ import annotations
@@ -23,18 +24,20 @@ from ..lessons.demonstration import Demonstration
 from ..models.filtering import ForwardFilter
 from ..models.gmr import Regression
 from ..models.hmm import Hmm
+from .heads import RIDGE, VIEWS, Head, View, axes_of, fitted, past, rows_of, sizes_of
+from .stacking import weights
+from .takes import folds_of
 
 HORIZONS_S = (0.1, 0.25, 0.5, 1.0)
-HISTORY_S, LAGS = 0.4, 9  # of velocity and force, at so many moments
-EVERY_S = 0.03  # a forecast is made and learned from so often: neighbouring frames say the same
 FADE_S = 0.3  # what the present velocity has more than the model's fades over this time
-PENALTIES = tuple(10.0 ** np.arange(-4.0, 3.0))  # of the ridge, in standardised inputs, a frame
+ENOUGH = 3  # lessons from which weights are learned: of two, one is odd and nobody knows which
 
 
 class Forecast(NamedTuple):
     """Skill 1 − Σ|error|² / Σ|error of constant velocity|² at each horizon: 1 is perfect, 0 no better than constant velocity.
 
-    horizons_s (H,); ours (H,), ridge (H,); rmse_m (H,) of ours; nan where the lesson is shorter than the horizon
+    horizons_s (H,); ours (H,), ridge (H,), the mean over units where axes have several; rmse_m (H,) of ours; nan where the
+    lesson is shorter than the horizon
     """
 
     horizons_s: tuple[float, ...]
@@ -44,65 +47,58 @@ class Forecast(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Head:
-    """A ridge for one horizon: displacement beyond constant velocity = (inputs − middle) / spread @ gains + offset."""
+class Mixture:
+    """Displacement beyond constant velocity over one horizon: views, a head each, and weights (V, d) of what they say."""
 
-    middle: Array
-    spread: Array
-    gains: Array
-    offset: Array
-    uses_roll_out: bool
+    views: tuple[View, ...]
+    heads: tuple[Head, ...]
+    weights: Array
 
-    def __call__(self, inputs: Array) -> Array:
-        return ((inputs - self.middle) / self.spread) @ self.gains + self.offset
+    def __call__(self, lesson: Demonstration, ahead: Array) -> Array:
+        """(N, d) from every 0.03 s on; ahead (N, d) as `roll_outs` has it."""
+        used = [(v, h, w) for v, h, w in zip(self.views, self.heads, self.weights, strict=True) if w.any()]
+        said = [w * head(past(view, lesson, ahead)) for view, head, w in used]
+        return np.sum(said, axis=0) if said else np.zeros_like(ahead)
 
 
 @dataclass(frozen=True, eq=False)
 class Forecaster:
-    """Forecasts of one skill; `heads` of ours and `ridges` by horizon."""
+    """Forecasts of one skill, by horizon: ours, and the ridge alone."""
 
     learned: LearnedSkill
-    heads: tuple[Head, ...]
-    ridges: tuple[Head, ...]
+    mixtures: tuple[Mixture, ...]
+    ridges: tuple[Mixture, ...]
 
     def displacement(self, lesson: Demonstration) -> Array:
         """(H, N, d) from the position of every 0.03 s, foreseen with nothing later [m]."""
-        return self._by(self.heads, lesson)
+        return self._by(self.mixtures, lesson)
 
-    def _by(self, heads: Sequence[Head], lesson: Demonstration) -> Array:
-        rows = _rows(lesson)
-        past, ahead = history(lesson)[rows], roll_outs(self.learned.model, lesson)
-        found = []
-        for h, head in enumerate(heads):
-            inputs = np.hstack([past, ahead[h]]) if head.uses_roll_out else past
-            found.append(HORIZONS_S[h] * lesson.velocity[rows] + head(inputs))
-        return np.array(found)
+    def _by(self, mixtures: Sequence[Mixture], lesson: Demonstration) -> Array:
+        ahead, velocity = roll_outs(self.learned.model, lesson), lesson.velocity[rows_of(lesson)]
+        return np.array([h * velocity + mixtures[i](lesson, ahead[i]) for i, h in enumerate(HORIZONS_S)])
 
     def judged(self, lesson: Demonstration) -> Forecast:
         """Against what the lesson really did."""
-        ours, ridge = (self._by(heads, lesson) for heads in (self.heads, self.ridges))
-        table = []
-        for h, horizon in enumerate(HORIZONS_S):
-            steps = round(horizon / lesson.dt)
-            if steps < 1 or len(lesson) <= steps + 1:
-                table.append((np.nan,) * 3)
-                continue
+        ours, ridge = (self._by(mixtures, lesson) for mixtures in (self.mixtures, self.ridges))
+        table: list[tuple[float, float, float]] = []
+        for i, horizon in enumerate(HORIZONS_S):
             beyond = _beyond(lesson, horizon)
-            plain = float((beyond**2).sum())
-            carried = horizon * lesson.velocity[_rows(lesson)][: len(beyond)]
-            wrong, worse = (float(((beyond + carried - x[h, : len(beyond)]) ** 2).sum()) for x in (ours, ridge))
-            skills = (1.0 - wrong / plain, 1.0 - worse / plain) if plain > 0.0 else (np.nan, np.nan)
-            table.append((*skills, float(np.sqrt(wrong / len(beyond)))))
+            if len(beyond) < 1 or len(lesson) <= round(horizon / lesson.dt) + 1 or round(horizon / lesson.dt) < 1:
+                table.append((np.nan, np.nan, np.nan))
+                continue
+            truth = beyond + horizon * lesson.velocity[rows_of(lesson)][: len(beyond)]
+            apart = [truth - x[i, : len(beyond)] for x in (ours, ridge)]
+            skill, plain = (_skill(wrong, beyond, axes_of(lesson)) for wrong in apart)
+            table.append((skill, plain, float(np.sqrt((apart[0] ** 2).sum() / len(beyond)))))
         a, b, c = (tuple(float(v) for v in column) for column in zip(*table, strict=True))
         return Forecast(HORIZONS_S, a, b, c)
 
 
-def history(lesson: Demonstration) -> Array:
-    """(T, 2 d LAGS) velocity and force of the last 0.4 s; before the beginning, those of the first frame."""
-    back = np.rint(np.linspace(0.0, HISTORY_S, LAGS) / lesson.dt).astype(int)
-    at = np.maximum(np.arange(len(lesson))[:, None] - back, 0)
-    felt = [lesson.velocity] + ([lesson.force] if "force" in lesson.signals else [])
-    return np.hstack([signal[at].reshape(len(lesson), -1) for signal in felt])
+def _skill(wrong: Array, beyond: Array, kinds: Sequence[Sequence[int]]) -> float:
+    """1 − Σ|wrong|² / Σ|beyond constant velocity|², the mean over units in which something goes beyond it."""
+    plain = [float((beyond[:, axes] ** 2).sum()) for axes in kinds]
+    found = [1.0 - float((wrong[:, axes] ** 2).sum()) / p for axes, p in zip(kinds, plain, strict=True) if p > 0.0]
+    return float(np.mean(found)) if found else float("nan")
 
 
 def roll_outs(model: Hmm, lesson: Demonstration) -> Array:
@@ -114,7 +110,7 @@ def roll_outs(model: Hmm, lesson: Demonstration) -> Array:
     regression = Regression(model, inputs, "velocity")
     frames = lesson.array(model.channels)
     weigher = ForwardFilter(model)
-    rows = _rows(lesson)
+    rows = rows_of(lesson)
     h = np.array([weigher.step(xi).copy() for xi in frames])[rows]
     start, velocity, d = lesson.position[rows], lesson.velocity[rows], lesson.position.shape[1]
     felt = lesson.array(regression.inputs)[rows][:, d:]
@@ -141,30 +137,59 @@ def _reach(model: Hmm) -> Array:
 
 
 def forecaster(learned: LearnedSkill, lessons: Sequence[Demonstration]) -> Forecaster:
-    """Learns the heads on the skill's lessons; the roll-outs that they learn from are of models which have not seen the lesson.
+    """Learns heads and weights on the skill's lessons, with roll-outs of models which have not seen the lesson.
 
-    On one lesson nothing can be chosen by another: there the ridge alone is learned, and chosen by quarters of the lesson.
+    On one lesson no roll-out is used: there is no model that has not seen it.
     """
     if not lessons:
         raise ParameterError("there is no lesson to learn a forecaster from; give at least one, two to choose by")
-    frames = [x.array(learned.model.channels) for x in lessons]
-    models = [
-        refitted(learned.model, [y for j, y in enumerate(frames) if j != i], {}) or learned.model for i in range(len(frames))
-    ]
-    past = [history(x)[_rows(x)] for x in lessons]
-    ahead = [roll_outs(model, x) for model, x in zip(models, lessons, strict=True)]
-    heads, ridges = [], []
-    for h, horizon in enumerate(HORIZONS_S):
-        truth = [_beyond(x, horizon) for x in lessons]
-        plain, plain_cost = _ridge(past, truth, False)
-        both, cost = _ridge([np.hstack([p, a[h]]) for p, a in zip(past, ahead, strict=True)], truth, True)
-        ridges.append(plain)
-        heads.append(both if cost < plain_cost and len(lessons) > 1 else plain)
-    return Forecaster(learned, tuple(heads), tuple(ridges))
+    ahead = _unseen_roll_outs(learned.model, lessons)
+    views = VIEWS if ahead is not None else tuple(v for v in VIEWS if not v.roll_out)
+    if ahead is None:
+        ahead = [np.zeros((len(HORIZONS_S), len(rows_of(x)), x.position.shape[1])) for x in lessons]
+    both = [_mixture(views, lessons, [a[i] for a in ahead], horizon) for i, horizon in enumerate(HORIZONS_S)]
+    return Forecaster(learned, tuple(ours for ours, _ in both), tuple(ridge for _, ridge in both))
 
 
-def _rows(lesson: Demonstration) -> np.ndarray:
-    return np.arange(0, len(lesson), max(1, round(EVERY_S / lesson.dt)))
+def _unseen_roll_outs(model: Hmm, lessons: Sequence[Demonstration]) -> list[Array] | None:
+    """(H, N, d) for each lesson, by a model of the others; None where there are none."""
+    folds = folds_of(lessons, len(lessons))
+    if len(folds) < 2:
+        return None
+    frames = [x.array(model.channels) for x in lessons]
+    found: dict[int, Array] = {}
+    for out in folds:
+        unseen = refitted(model, [x for i, x in enumerate(frames) if i not in out], {}) or model
+        found |= {i: roll_outs(unseen, lessons[i]) for i in out}
+    return [found[i] for i in range(len(lessons))]
+
+
+def _mixture(
+    views: Sequence[View], lessons: Sequence[Demonstration], ahead: Sequence[Array], horizon: float
+) -> tuple[Mixture, Mixture]:
+    """(ours, the ridge alone); each is constant velocity where that foresees lessons left out better."""
+    truth, kinds = [_beyond(x, horizon) for x in lessons], axes_of(lessons[0])
+    heads, said = [], []
+    for view in views:
+        seen = [past(view, x, a) for x, a in zip(lessons, ahead, strict=True)]
+        head, left = fitted(view.shared, seen, truth, kinds, sizes_of(view, lessons[0]))
+        heads.append(head)
+        said.append(left)
+    guesses = [np.stack([left[i] for left in said]) for i in range(len(lessons))]
+    chosen = np.zeros((len(views), lessons[0].position.shape[1]))
+    alone = np.zeros_like(chosen)
+    for axes in kinds:
+        parts = [g[:, :, axes] for g in guesses], [y[:, axes] for y in truth]
+        enough = sum(len(y) > 0 for y in truth) >= ENOUGH
+        chosen[:, axes] = (weights(*parts) if enough else _if_better(np.full(len(views), 1.0 / len(views)), *parts))[:, None]
+        alone[:, axes] = _if_better(np.eye(len(views))[views.index(RIDGE)], *parts)[:, None]
+    return Mixture(tuple(views), tuple(heads), chosen), Mixture(tuple(views), tuple(heads), alone)
+
+
+def _if_better(stated: Array, guesses: Sequence[Array], truth: Sequence[Array]) -> Array:
+    """The stated weights, or none at all where constant velocity foresees lessons left out better."""
+    wrong = sum(float(((np.einsum("c,cnd->nd", stated, g) - y) ** 2).sum()) for g, y in zip(guesses, truth, strict=True))
+    return stated if wrong < sum(float((y**2).sum()) for y in truth) else np.zeros_like(stated)
 
 
 def _beyond(lesson: Demonstration, horizon: float) -> Array:
@@ -172,51 +197,9 @@ def _beyond(lesson: Demonstration, horizon: float) -> Array:
     steps = round(horizon / lesson.dt)
     if steps >= len(lesson):
         return np.zeros((0, lesson.position.shape[1]))
-    rows = _rows(lesson)
+    rows = rows_of(lesson)
     rows = rows[rows + steps < len(lesson)]
     return np.asarray(lesson.position[rows + steps] - lesson.position[rows] - horizon * lesson.velocity[rows])
-
-
-def _ridge(inputs: Sequence[Array], truth: Sequence[Array], uses_roll_out: bool) -> tuple[Head, float]:
-    """The ridge whose penalty foresees lessons left out best, and its squared error on them."""
-    pairs = [(x[: len(y)], y) for x, y in zip(inputs, truth, strict=True) if len(y)]
-    width, d = inputs[0].shape[1], truth[0].shape[1]
-    if not pairs:
-        return Head(np.zeros(width), np.ones(width), np.zeros((width, d)), np.zeros(d), uses_roll_out), 0.0
-    every = np.concatenate([x for x, _ in pairs])
-    middle, spread = every.mean(axis=0), every.std(axis=0)
-    spread[spread < 1e-12 * np.abs(every).max()] = np.inf
-    pairs = pairs if len(pairs) > 1 else _quarters(*pairs[0])
-    blocks = [(np.column_stack([(x - middle) / spread, np.ones(len(x))]), y) for x, y in pairs]
-    squares = [(z.T @ z, z.T @ y) for z, y in blocks]
-    total = sum((zz for zz, _ in squares), np.zeros(())), sum((zy for _, zy in squares), np.zeros(()))
-    frames = sum(len(z) for z, _ in blocks)
-    costs = [_left_out(blocks, squares, total, penalty * frames) for penalty in PENALTIES]
-    best = int(np.argmin(costs))
-    nothing = float(sum((y**2).sum() for _, y in blocks))
-    if nothing <= costs[best]:  # constant velocity foresees lessons left out better than any ridge does
-        return Head(middle, spread, np.zeros((width, d)), np.zeros(d), uses_roll_out), nothing
-    solved = _solved(total[0], total[1], PENALTIES[best] * frames)
-    return Head(middle, spread, solved[:-1], solved[-1], uses_roll_out), costs[best]
-
-
-def _quarters(inputs: Array, truth: Array) -> list[tuple[Array, Array]]:
-    return [(inputs[part], truth[part]) for part in np.array_split(np.arange(len(truth)), min(4, len(truth))) if len(part)]
-
-
-def _left_out(
-    blocks: Sequence[tuple[Array, Array]], squares: Sequence[tuple[Array, Array]], total: tuple[Array, Array], penalty: float
-) -> float:
-    found = 0.0
-    for (z, y), (zz, zy) in zip(blocks, squares, strict=True):
-        found += float(((y - z @ _solved(total[0] - zz, total[1] - zy, penalty)) ** 2).sum())
-    return found
-
-
-def _solved(square: Array, cross: Array, penalty: float) -> Array:
-    held = penalty * np.eye(len(square))
-    held[-1, -1] = 0.0  # the mean is not held back
-    return np.asarray(np.linalg.lstsq(square + held, cross, rcond=None)[0])
 
 
 def leave_one_out(

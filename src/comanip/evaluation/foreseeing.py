@@ -2,16 +2,14 @@
 
 A skill's model answers the force of the moment. Arms and robots under admittance control answer what they felt for some tenths of
 a second: there the force through a leak (a low-pass of 0.3 s) is a better input, and elsewhere a worse one. Lessons say
-which: each is left out of a refit of the model, and what foresees it best is taken. So is the way of a free run, among the
-skill's own, one by leak, the mean lesson from the onset of force, and standing still.
+which: each is left out of a refit of the model. What is foreseen is a weighted mean, of several rules for velocity and of several
+`ways` for a free run, its weights learned where they had not seen the lesson (`stacking`).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,18 +18,14 @@ from ..interfaces import Array
 from ..learned.held_out import fitted, refitted
 from ..learned.skill import LearnedSkill
 from ..lessons.demonstration import Demonstration
-from ..models.filtering import ForwardFilter
-from ..models.gmr import Regression
 from ..models.hmm import Hmm
-from ..skills.paper import blurred, taught_range
-from .doubt import INPUT_DOUBT, WEIGHT_DOUBT, doubt
-from .following import free_run
-from .yardsticks import MeanLesson, standing_still
+from .heads import axes_of
+from .stacking import weights
+from .takes import folds_of
+from .ways import RIDGES, SKILLS, Ways, begins, leaked, the_skills, velocity_of, ways_of
 
-LEAK_S = 0.3
-RIDGES = (0.0, 0.05, 0.2)  # of each state's own variance, added to that of every input: few frames a state make steep lines
 FOLDS = 6
-Paths = Mapping[str, Callable[[Demonstration], Array]]
+DOUBT = 3.0  # [squared errors of a lesson] weights of a free run, of which a lesson is one witness, however many frames it has
 
 
 class Rule(NamedTuple):
@@ -41,142 +35,88 @@ class Rule(NamedTuple):
     ridge: float
 
     def __str__(self) -> str:
-        return ("with force through a leak of 0.3 s" if self.leak else "by force as it is") + f", ridge {self.ridge:g}"
+        return ("with a leak of 0.3 s" if self.leak else "by force as it is") + f", ridge {self.ridge:g}"
 
 
 # where one lesson leaves nothing to choose by: what was better on most sets that were tried (docs/results.md)
-UNCHOSEN, UNCHOSEN_WAY = Rule(True, 0.05), ("mean lesson",)
-
-
-def leaked(lesson: Demonstration) -> Demonstration:
-    """With one more signal, "leak": what is left of the force of the last tenths of a second; at first it is the first force."""
-    kept = math.exp(-lesson.dt / LEAK_S)
-    felt = np.array(lesson.force)
-    for t in range(1, len(felt)):
-        felt[t] = kept * felt[t - 1] + (1.0 - kept) * lesson.force[t]
-    return replace(
-        lesson, signals={**lesson.signals, "leak": felt}, signal_axes={**lesson.signal_axes, "leak": lesson.axes},
-        units={**lesson.units, "leak": lesson.units.get("force", "")},
-    )  # fmt: skip
+UNCHOSEN = Rule(True, 0.05)
 
 
 @dataclass(frozen=True, eq=False)
 class Foreseer:
-    """Foresight of one skill: its model, the one with the leak (None where there is no force), and what was chosen of them."""
+    """Foresight of one skill: its model, the one with the leak (None where there is no force), and how much of what is believed.
+
+    rules  rule for velocity -> (d,) its weight on each axis; weights  name of a way -> (d,) its weight on each axis
+    """
 
     learned: LearnedSkill
     leak: Hmm | None
-    rule: Rule
-    way: tuple[str, ...]
-    mean: MeanLesson | None
+    rules: Mapping[Rule, Array]
+    ways: Ways
+    weights: Mapping[str, Array]
 
     @property
     def chosen(self) -> str:
-        return f"velocity {self.rule}; free run: {' and '.join(self.way)}"
+        return f"velocity {_told(self.rules) or 'zero'}; free run: {_told(self.weights) or 'stands still'}"
 
     def velocity(self, lesson: Demonstration) -> Array:
         """(T, d) from each frame's position and force, states from what was before."""
-        model = self.leak if self.rule.leak and self.leak is not None else self.learned.model
-        return velocity_of(
-            model, leaked(lesson) if self.rule.leak and self.leak is not None else lesson, self.learned, self.rule.ridge
-        )
+        said = [w * _by_rule(rule, self.learned, self.leak, lesson) for rule, w in self.rules.items() if w.any()]
+        return np.sum(said, axis=0) if said else np.zeros_like(lesson.velocity)
 
     def path(self, lesson: Demonstration) -> Array:
-        """(T, d) from the first position and the recorded force."""
-        ways = _ways(self.learned, self.leak, self.mean)
-        return np.mean([ways[name](lesson) for name in self.way], axis=0)
+        """(T, d) from the first position and the recorded force, which is not heard before its time."""
+        said = [w * (self.ways[name](lesson) - lesson.position[0]) for name, w in self.weights.items() if w.any()]
+        return np.asarray(lesson.position[0] + (np.sum(said, axis=0) if said else np.zeros_like(lesson.position)))
 
 
-def velocity_of(model: Hmm, lesson: Demonstration, learned: LearnedSkill, ridge: float) -> Array:
-    """v_hat (T, d) of eq. (5) by `model`, its inputs' variance raised by `ridge` in every state."""
-    inputs = [c for c in model.channels if not c.startswith("velocity.")]
-    columns = [model.channels.index(c) for c in inputs]
-    moving = [i for i, c in enumerate(model.channels) if c.startswith("velocity.")]
-    regression = Regression(_raised(model, columns, ridge), inputs, "velocity", input_noise=doubt(learned, INPUT_DOUBT))
-    frames = lesson.array(model.channels)
-    seen = frames.copy()
-    seen[1:, moving], seen[0, moving] = frames[:-1, moving], np.nan
-    weigher = ForwardFilter(blurred(model, doubt(learned, WEIGHT_DOUBT)))
-    known = np.clip(frames[:, columns], *taught_range(model, regression.inputs))
-    low, high = taught_range(model, regression.outputs)
-    return np.array([np.clip(regression.mean(weigher.step(xi), x), low, high) for xi, x in zip(seen, known, strict=True)])
+def _told(shares: Mapping[Any, Array]) -> str:
+    ranked = sorted(((float(w.mean()), str(name)) for name, w in shares.items()), reverse=True)
+    return " + ".join(f"{share:.2f} {name}" for share, name in ranked if share >= 0.05)
 
 
-def _raised(model: Hmm, columns: Sequence[int], ridge: float) -> Hmm:
-    covariances = np.array(model.covariances)
-    covariances[:, columns, columns] *= 1.0 + ridge
-    return replace(model, covariances=covariances)
-
-
-def path_of(model: Hmm, lesson: Demonstration, learned: LearnedSkill) -> Array:
-    """(T, d) Euler's steps along eq. (5) by a model with the leak; weights from position, force and leak."""
-    inputs = [c for c in model.channels if not c.startswith("velocity.")]
-    columns = [model.channels.index(c) for c in inputs]
-    regression = Regression(_raised(model, columns, RIDGES[1]), inputs, "velocity", input_noise=doubt(learned, INPUT_DOUBT))
-    weigher = ForwardFilter(blurred(model, doubt(learned, WEIGHT_DOUBT)), inputs)
-    bottom, top = taught_range(model, inputs)
-    low, high = taught_range(model, regression.outputs)
-    known = lesson.array(inputs)
-    d, x, found = len(learned.axes), np.array(lesson.position[0]), []
-    for row in known:
-        felt = np.concatenate([x, row[d:]])
-        found.append(x.copy())
-        v = regression.mean(weigher.step(felt), np.clip(felt, bottom, top))
-        x = x + lesson.dt * np.clip(v, low, high)
-    return np.array(found)
-
-
-def _ways(learned: LearnedSkill, leak: Hmm | None, mean: MeanLesson | None) -> Paths:
-    ways: dict[str, Callable[[Demonstration], Array]] = {
-        "the skill's": lambda lesson: free_run(learned, lesson),
-        "standing still": standing_still,
-    }
-    if leak is not None:
-        ways["the leak's"] = lambda lesson: path_of(leak, leaked(lesson), learned)
-    if mean is not None:
-        ways["mean lesson"] = mean.path
-    return ways
+def _by_rule(rule: Rule, learned: LearnedSkill, leak: Hmm | None, lesson: Demonstration) -> Array:
+    if rule.leak and leak is not None:
+        return velocity_of(leak, leaked(lesson), learned, rule.ridge)
+    return velocity_of(learned.model, lesson, learned, rule.ridge)
 
 
 def foreseer(learned: LearnedSkill, lessons: Sequence[Demonstration], **fitting: Any) -> Foreseer:
-    """Chosen on the skill's own lessons, which `learned` was learned from; `fitting` as for `fit_hmm`."""
+    """Weighed on the skill's own lessons, which `learned` was learned from; `fitting` as for `fit_hmm`."""
+    one = np.ones(len(learned.axes))
     if not learned.has_force or any("force" not in x.signals for x in lessons):
-        return Foreseer(learned, None, Rule(False, 0.0), ("the skill's",), None)
+        return Foreseer(learned, None, {Rule(False, 0.0): one}, the_skills(learned), {SKILLS: one})
     with_leak = [leaked(x) for x in lessons]
     channels = [c for g in ("position", "force", "leak", "velocity") for c in with_leak[0].channels if c.split(".")[0] == g]
     leak = fitted([x.array(channels) for x in with_leak], learned.model.n_states, channels, fitting)
-    mean = MeanLesson.of(lessons)
-    if len(lessons) < 2:
-        return Foreseer(learned, leak, UNCHOSEN if leak is not None else Rule(False, 0.0), UNCHOSEN_WAY, mean)
-    rules = {Rule(of_leak, r): 0.0 for of_leak in (False, True) for r in RIDGES if leak is not None or not of_leak}
-    ways: dict[tuple[str, ...], float] = {}
-    folds = min(FOLDS, len(lessons))
-    for fold in range(folds):
-        out = list(range(fold, len(lessons), folds))
+    ways, folds = ways_of(learned, leak, lessons), folds_of(lessons, FOLDS)
+    if len(folds) < 2:
+        return Foreseer(learned, leak, {UNCHOSEN if leak is not None else Rule(False, 0.0): one}, ways, {begins(lessons): one})
+    rules = [Rule(of_leak, r) for of_leak in (False, True) for r in RIDGES if leak is not None or not of_leak]
+    speeds: dict[int, Array] = {}
+    paths: dict[int, Array] = {}
+    for out in folds:
         rest = [i for i in range(len(lessons)) if i not in out]
         part = replace(learned, model=_again(learned.model, [lessons[i].array(learned.model.channels) for i in rest], fitting))
         part_leak = None if leak is None else _again(leak, [with_leak[i].array(channels) for i in rest], fitting)
+        unseen = ways_of(part, part_leak, [lessons[i] for i in rest])
         for i in out:
-            for rule in rules:
-                model = part.model if not rule.leak or part_leak is None else part_leak
-                apart = velocity_of(model, with_leak[i], part, rule.ridge) - lessons[i].velocity
-                rules[rule] += _share(apart, lessons[i].velocity)
-            _add_ways(ways, _ways(part, part_leak, MeanLesson.of([lessons[j] for j in rest])), lessons[i])
-    return Foreseer(learned, leak, min(rules, key=rules.__getitem__), min(ways, key=ways.__getitem__), mean)
+            speeds[i] = np.stack([_by_rule(rule, part, part_leak, lessons[i]) for rule in rules])
+            paths[i] = np.stack([way(lessons[i]) - lessons[i].position[0] for way in unseen.values()])
+    by_rule = _weighed(rules, speeds, [x.velocity for x in lessons], axes_of(lessons[0]), 0.0)
+    by_way = _weighed(list(ways), paths, [x.position - x.position[0] for x in lessons], axes_of(lessons[0]), DOUBT)
+    return Foreseer(learned, leak, by_rule, ways, by_way)
 
 
-def _share(apart: Array, velocity: Array) -> float:
-    """1 − R², bounded: one lesson in which nothing moves must not choose for all."""
-    spread = float(((velocity - velocity.mean(axis=0)) ** 2).sum())
-    return min(2.0, float((apart**2).sum()) / spread) if spread > 0.0 else 0.0
-
-
-def _add_ways(ways: dict[tuple[str, ...], float], found: Paths, lesson: Demonstration) -> None:
-    """RMSE of each way and of the mean of any two, summed over lessons."""
-    paths = {name: way(lesson) for name, way in found.items()}
-    for names in [*((name,) for name in paths), *combinations(paths, 2)]:
-        apart = np.mean([paths[name] for name in names], axis=0) - lesson.position
-        ways[names] = ways.get(names, 0.0) + float(np.sqrt((apart**2).sum(axis=1).mean()))
+def _weighed(
+    names: Sequence[Any], said: Mapping[int, Array], truth: Sequence[Array], kinds: Sequence[Sequence[int]], doubt: float
+) -> dict[Any, Array]:
+    """Name -> (d,) weights; axes of one unit have theirs together, so that turned axes have the same."""
+    found = np.zeros((len(names), truth[0].shape[1]))
+    for axes in kinds:
+        parts = [said[i][:, :, axes] for i in range(len(truth))]
+        found[:, axes] = weights(parts, [y[:, axes] for y in truth], doubt)[:, None]
+    return dict(zip(names, found, strict=True))
 
 
 def _again(model: Hmm, others: Sequence[Array], fitting: Mapping[str, Any]) -> Hmm:

@@ -22,6 +22,7 @@ from ..models.hmm import log_likelihood
 from .following import FREE_RUN as FREE_RUN
 from .following import frames_of, free_run, one_step_velocity
 from .foreseeing import Foreseer, foreseer
+from .takes import takes_of as takes_of
 from .yardsticks import MeanLesson, last_velocity, persistence_log_likelihood, standing_still
 
 
@@ -133,12 +134,13 @@ def leave_one_out(
     *,
     progress: Callable[[int, int], None] | None = None,
     choose: bool = False,
+    learn_on: Callable[[list[Demonstration]], LearnedSkill] | None = None,
     **learning: Any,
 ) -> list[Prediction]:
-    """Each lesson predicted by a skill learned from all the others. `learning` goes to `learn`.
+    """Each lesson predicted by a skill learned from all the others. `learning` goes to `learn`, or to what stands for it.
 
-    `choose` foresees with what the others vouch for when they are left out in turn (`foreseeing`): other inputs, a ridge, another
-    way; the skill's own figures stand beside.
+    `learn_on` learns from the others instead. `choose` foresees with what the others vouch for when they are left out in turn
+    (`foreseeing`): other inputs, a ridge, several ways; the skill's own figures stand beside.
 
     Fragments of one recording (cut at gaps: name#0, name#1) are left out together: one would teach what is asked of the other.
     """
@@ -149,24 +151,13 @@ def leave_one_out(
     found = []
     for i, lesson in enumerate(lessons):
         others = [other for other, take in zip(lessons, takes, strict=True) if take != takes[i]]
-        learned = learn(others, **learning)
+        learned = learn(others, **learning) if learn_on is None else learn_on(others)
         fitting = {name: learning[name] for name in ("topology", "covariance_floor", "allow_constant") if name in learning}
         foresight = foreseer(learned, others, **fitting) if choose and learned.law != "paper" else None
         found.append(predict(learned, lesson, others, foresight))
         if progress is not None:
             progress(i + 1, len(lessons))
     return found
-
-
-def takes_of(lessons: Sequence[Demonstration]) -> list[tuple[str, str]]:
-    """Which recording each lesson is of: pieces of one that was cut at gaps share theirs."""
-    return [_take(lesson, i) for i, lesson in enumerate(lessons)]
-
-
-def _take(lesson: Demonstration, number: int) -> tuple[str, str]:
-    """Which recording a lesson is: its own, unless it is a fragment."""
-    name, cut, _ = lesson.name.rpartition("#")
-    return (lesson.source, name) if cut else (f"lesson {number}", "")
 
 
 def _fit_of(predicted: Array, actual: Array) -> tuple[float, list[float], float, list[float]]:

@@ -45,29 +45,35 @@ def sizes(force: Array, dt: float, unit: str) -> dict[str, Array]:
 
 @dataclass(frozen=True, eq=False)
 class MeanLesson:
-    """The lessons' mean way from the onset of their force on: displacement (T, d), and what peak a force usually has by unit."""
+    """The lessons' mean way, from the onset of their force on or by the time since they began.
+
+    way (T, d) displacement; start (d,) where it begins on the average; peaks the usual peak of the force by unit
+    """
 
     way: Array
+    start: Array
     peaks: dict[str, float]
+    onset: bool = True
 
     @classmethod
-    def of(cls, lessons: Sequence[Demonstration]) -> MeanLesson:
+    def of(cls, lessons: Sequence[Demonstration], *, onset: bool = True) -> MeanLesson:
         units = lessons[0].units.get("force", "")
-        tops = [{k: float(v.max()) for k, v in sizes(x.force, x.dt, units).items()} for x in lessons]
+        tops = [{k: float(v.max()) for k, v in sizes(x.force, x.dt, units).items()} for x in lessons] if onset else [{}]
         peaks = {kind: float(np.median([top[kind] for top in tops])) for kind in tops[0]}
-        ways = [x.position[min(force_onset(x.force, x.dt, units, peaks), len(x) - 1) :] for x in lessons]
+        begins = [min(force_onset(x.force, x.dt, units, peaks), len(x) - 1) if onset else 0 for x in lessons]
+        ways = [x.position[begin:] for x, begin in zip(lessons, begins, strict=True)]
         longest = max(len(w) for w in ways)
         rest = [np.concatenate([w - w[0], np.repeat(w[-1:] - w[0], longest - len(w), axis=0)]) for w in ways]
-        return cls(np.mean(rest, axis=0), peaks)
+        return cls(np.mean(rest, axis=0), np.mean([w[0] for w in ways], axis=0), peaks, onset)
 
-    def path(self, lesson: Demonstration) -> Array:
-        """(T, d) from the lesson's first position, still until its force sets in."""
-        found = standing_still(lesson)
-        onset = force_onset(lesson.force, lesson.dt, lesson.units.get("force", ""), self.peaks)
-        left = len(lesson) - onset
+    def path(self, lesson: Demonstration, *, in_place: bool = False) -> Array:
+        """(T, d) from the lesson's first position, still until its force sets in; `in_place`: where the lessons were instead."""
+        begin = force_onset(lesson.force, lesson.dt, lesson.units.get("force", ""), self.peaks) if self.onset else 0
+        found = np.repeat(self.start[None], len(lesson), axis=0) if in_place else standing_still(lesson)
+        left = len(lesson) - begin
         if left > 0:
             way = np.concatenate([self.way, np.repeat(self.way[-1:], max(0, left - len(self.way)), axis=0)])
-            found[onset:] += way[:left]
+            found[begin:] += way[:left]
         return found
 
 

@@ -1,4 +1,4 @@
-"""Can a recogniser's confidence be believed? python experiments/recognition.py [calibration.png]
+"""Can a recogniser's confidence be believed? python -m comanip.experiments.recognition [calibration.png]
 
 Three simulated pairs of people, three roles each, six lessons a role: each lesson is recognised among the roles of its pair by
 skills that have not seen it; whole, and when half of it is known. Then as before: frames counted as independent witnesses.
@@ -55,11 +55,13 @@ def picture(judged: dict[str, Calibration], path: str) -> None:
         figure = blank(4.2, 3.6, caption="On the diagonal a confidence of p is right in p of all cases. Numbers: recordings.")
         ax = figure.subplots()
         ax.plot([0, 1], [0, 1], color="#bbbbbb", lw=0.8)
-        for (name, k), colour in zip(judged.items(), ("#2a6f97", "#588157", "#c8553d"), strict=True):
+        for row, ((name, k), colour) in enumerate(zip(judged.items(), ("#2a6f97", "#588157", "#c8553d"), strict=True)):
             ax.plot(k.stated, k.held, "o-", color=colour, ms=4, lw=1.0, label=name)
             for x, y, n in zip(k.stated, k.held, k.counts, strict=True):
-                ax.annotate(str(n), (x, y), xytext=(3, -9), textcoords="offset points", fontsize=7, color=colour)
-        ax.legend(loc="upper left")
+                beside = (0, -10 - 9 * row) if y > 0.2 else (0, 6 + 9 * row)  # a row a kind: points of several lie on one place
+                ax.annotate(str(n), (x, y), xytext=beside, textcoords="offset points", fontsize=7, color=colour, ha="center")
+        ax.set(xlim=(-0.05, 1.08), ylim=(-0.05, 1.08))
+        ax.legend(loc="center left")
         label(ax, "stated confidence", "share that was right")
         save(figure, path)
 

@@ -15,6 +15,7 @@ from ..parts import FORMATS, Format
 from ..recording import Recording
 from .columns import Columns
 from .packed import packing, unpacked
+from .segments import segments, with_labels
 
 __all__ = ["FORMATS", "Columns", "Format", "read", "recover", "write", "write_all"]
 
@@ -38,6 +39,9 @@ def read(path: str | Path, columns: Columns | None = None, *, recover: bool = Fa
     Raises RecordingError for a file that cannot be read, ChannelError for a column that is not there.
     """
     path, columns = _path(path), _columns(columns)
+    if columns.segment_by:
+        whole = read(path, with_labels(columns), recover=recover)
+        return tuple(piece for recording in whole for piece in segments(recording, columns.segment_by))
     try:
         return _of_folder(path, columns, recover) if path.is_dir() else _of_file(path, columns, recover)
     except OSError as error:

@@ -89,6 +89,8 @@ class Columns:
     axes                        names of the axes; default: the last letters of the columns when they are x, y, z
     frames                      how another frame lies in the position's: frame_id -> "same", "hand" (it turns as the recorded
                                 orientation does) or a quaternion "w,x,y,z"; see `frames`
+    segment_by                  columns of labels (trial, task, target ...): a file is cut into one recording wherever one of them
+                                changes; "task=1" keeps only what has that value
     ..._unit                    the file's unit when it is not SI (mm, deg, gf ...): converted, and said; one for all axes, or
                                 one an axis ("m, m, deg")
 
@@ -111,9 +113,10 @@ class Columns:
     force_unit: str | None = None
     time_unit: str | None = None
     frames: Mapping[str, str] = field(default_factory=dict)
+    segment_by: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("position", "velocity", "force", "sensor_force", "axes"):
+        for name in ("position", "velocity", "force", "sensor_force", "axes", "segment_by"):
             object.__setattr__(self, name, split_columns(getattr(self, name)))
         extra = {str(name): split_columns(columns) for name, columns in dict(self.extra).items()}
         object.__setattr__(self, "extra", MappingProxyType(extra))

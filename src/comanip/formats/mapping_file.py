@@ -18,7 +18,7 @@ from typing import Any
 from ..errors import ParameterError, RecordingError
 from .columns import Columns
 
-_LISTS, _TABLES = ("position", "velocity", "force", "sensor_force", "axes"), ("extra", "frames")
+_LISTS, _TABLES = ("position", "velocity", "force", "sensor_force", "axes", "segment_by"), ("extra", "frames")
 
 
 def mapping_file(path: str | Path) -> Columns:
