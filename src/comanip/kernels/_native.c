@@ -960,6 +960,7 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
 #endif
 #define TICK(law, filter, xi) (law)->level->tick(filter, xi)
 #include "_layout.h"
+#include "_exponential.h"
 #include "_vectors.h"
 #include "_path.h"
 #include "_foresight.h"
