@@ -31,7 +31,7 @@ from ..kernels.copies import Copied
 from ..signals.vectors import apart, length
 from .bounds import Bounds
 from .checker import Checker
-from .compiled_tick import LENT, MOST_AXES, Ordinary
+from .compiled_tick import LENT, MOST_AXES, RESTS, RESUMES, THINKS, CompiledTick
 from .detectors import Jump, LetGo, Pushed, Shaking, Sinking, Stuck
 from .limits import Limits
 from .situation import BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation, taught_by
@@ -51,7 +51,7 @@ class Envelope(Copied, Situation, Bounds):
     Diagnostics: the skill's, and mode (0 RUN, 1 COMPLY, 2 HOLD), tank (1,) [J], confidence.
     """
 
-    ANEW = ("_ordinary",)
+    ANEW = ("_compiled",)
 
     def __init__(
         self,
@@ -79,7 +79,7 @@ class Envelope(Copied, Situation, Bounds):
         self._mode, self._tank, self._confidence = np.zeros(1), np.full(1, limits.energy_j), np.ones(1)
         self._inner = Command(d)
         self._frozen: dict[str, Array] | None = None
-        self._ordinary: Any = None
+        self._compiled: Any = None
         self._is_lent = self._ran = False
         self._taught = taught_by(skill, self._d)
         self._restart(0.0, [0.0] * d)
@@ -87,8 +87,8 @@ class Envelope(Copied, Situation, Bounds):
         self._link()
 
     def _link(self) -> None:
-        """The ordinary tick, where it was compiled."""
-        self._ordinary = Ordinary(self) if kernels.native is not None and self._d <= MOST_AXES else None
+        """The tick, where it was compiled."""
+        self._compiled = CompiledTick(self) if kernels.native is not None and self._d <= MOST_AXES else None
 
     def __getstate__(self) -> dict[str, Any]:
         self._take_back()
@@ -116,17 +116,17 @@ class Envelope(Copied, Situation, Bounds):
     @property
     def mode(self) -> str:
         """ "RUN", "COMPLY" or "HOLD"."""
-        return NAMES[self._state]
+        return NAMES[self._compiled.state() if self._is_lent else self._state]
 
     @property
     def reason(self) -> str:
         """Why it is not in RUN; empty in RUN."""
-        return self._reason
+        return self._compiled.reason() if self._is_lent else self._reason  # type: ignore[no-any-return]
 
     @property
     def passes(self) -> bool:
         """Whether what stopped it may pass, and it then goes on by itself; else only `rearm` ends it."""
-        return self._state != RUN and self._passes
+        return self._compiled.passes() if self._is_lent else self._state != RUN and self._passes
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
@@ -139,8 +139,8 @@ class Envelope(Copied, Situation, Bounds):
 
     @property
     def notice(self) -> str:
-        if self._state != RUN:
-            return f"{self.mode}: {self._reason}"
+        if self.mode != NAMES[RUN]:
+            return f"{self.mode}: {self.reason}"
         if self._confidence[0] < 1.0:
             return f"goes on by itself: {self._passed} has passed" if self._passed else "COMPLY: unlike what was taught"
         said = [self.skill.notice, *self._flags()]
@@ -299,20 +299,8 @@ class Envelope(Copied, Situation, Bounds):
             self._write(command, self._v, False)
 
     def _step(self, obs: Observation, command: Command) -> None:
-        """An ordinary tick is compiled, but for the skill's own; where there is anything to say, it is said here."""
-        ordinary, inner = self._ordinary, self._inner
-        plain = self._is_lent and self._tells is None and self._timer is None and not obs.time - obs.force_time > self._stale
-        if plain and ordinary.sense(obs.time, obs.position, obs.force, obs.velocity, obs.sensor_force, self._taught):
-            try:
-                self.skill.step(obs, inner)
-                if self._is_lent and ordinary.act(  # not lent any more: the skill has looked at its envelope
-                    inner.position, inner.velocity, inner.acceleration, command.position, command.velocity, command.acceleration
-                ):
-                    return
-                problem = self._unfit()
-            except Exception as error:
-                problem = repr(error)
-            self._remark(problem, command)
+        """A tick is compiled, but for the skill's own; here is the same to read."""
+        if self._lends() and self._step_compiled(obs, command):
             return
         self._take_back()
         period, fresh, late = self._clock(obs)
@@ -327,26 +315,67 @@ class Envelope(Copied, Situation, Bounds):
             self._think(obs, period, fresh)
         self._send(command, period, fresh, late)
 
-    def _remark(self, problem: str, command: Command) -> None:
-        """What is left of a tick whose observation was ordinary, and whose command is not."""
-        self._take_back()
-        self._heed(problem, 1.0)
-        self._send(command, self._period, True, False)
+    def _step_compiled(self, obs: Observation, command: Command) -> bool:
+        """False, with nothing changed, for an observation of other shapes or kinds."""
+        tick = self._compiled
+        does = tick.senses(obs.time, obs.force_time, obs.position, obs.force, obs.velocity, obs.sensor_force, self._taught)
+        if does < RESTS:
+            return False
+        if does == RESUMES:
+            does = self._resumed(obs, command)
+        if does == THINKS:
+            self._think_within(obs, command)
+        elif does == RESTS:
+            tick.rests(command.position, command.velocity, command.acceleration)
+        return True
 
-    def _lend(self) -> None:
-        """To the compiled tick, while nothing is under way that only the Python knows."""
-        if self._ordinary is None or self._state != RUN or self._frozen is not None or self._confidence[0] < 1.0 or self._passed:
+    def _resumed(self, obs: Observation, command: Command) -> int:
+        """What the skill is to do once it has begun again; RESUMES where the tick was done meanwhile, in Python."""
+        problem = self._resumes(obs)
+        if not problem and self._is_lent:
+            return int(self._compiled.recovered())
+        self._take_back()
+        late = self._compiled.late
+        if problem:
+            self._fault(problem)
+        else:  # it has looked at its envelope
+            self._recovered()
+            self._think(obs, self._period, True)
+        self._send(command, self._period, True, late)
+        return RESUMES
+
+    def _think_within(self, obs: Observation, command: Command) -> None:
+        inner = self._inner
+        try:
+            self.skill.step(obs, inner)
+        except Exception as error:
+            self._remark(repr(error), command)
             return
-        if self._let_go.weighs and length(self._v) < self.limits.moving_m_per_s:
-            return  # the next tick weighs, which is the Python's
-        if not self._first and self._ticks >= 5 and self._jump.pending is None:
-            self._ordinary.lend(self)
-            self._is_lent = True
+        if not self._is_lent or not self._compiled.acts(  # not lent any more: the skill has looked at its envelope
+            inner.position, inner.velocity, inner.acceleration, command.position, command.velocity, command.acceleration
+        ):
+            self._remark(self._unfit(), command)
+        elif self._frozen is not None:
+            self._show()
+
+    def _remark(self, problem: str, command: Command) -> None:
+        """What is left of a tick whose command has a problem, or whose skill asked for what was lent."""
+        self._take_back()
+        self._heed(problem, float(self._confidence[0]))
+        self._send(command, self._period, True, self._compiled.late)
+
+    def _lends(self) -> bool:
+        """Whether the compiled tick has the memory; it gets it, unless something is under way that only the Python knows."""
+        if self._compiled is None or self._tells is not None or self._timer is not None:
+            return False
+        if not self._is_lent:
+            self._is_lent = self._compiled.lend(self)
+        return self._is_lent
 
     def _take_back(self) -> None:
-        if self._is_lent and self._ordinary is not None:
+        if self._is_lent and self._compiled is not None:
             self._is_lent = False
-            self._ordinary.take_back(self)
+            self._compiled.take_back(self)
 
     def _send(self, command: Command, period: float, fresh: bool, late: bool) -> None:
         velocity = self._clip(period)
@@ -359,7 +388,6 @@ class Envelope(Copied, Situation, Bounds):
             self._rate = [(new - old) / period for new, old in zip(velocity, self._v, strict=True)]
         self._v = velocity
         self._write(command, velocity, passed)
-        self._lend()
 
     def _clock(self, obs: Observation) -> tuple[float, bool, bool]:
         """(period [s], a new sample came, the period was too long)."""
