@@ -16,7 +16,7 @@ X87 = platform.machine().lower() in ("i386", "i486", "i586", "i686", "x86")  # w
 FLAGS = ["-O3", "-std=gnu11", "-fno-wrapv", "-fno-math-errno", "-fno-trapping-math", "-Wno-psabi"]
 HEADERS = (
     "layout", "lanes", "segments", "hsmm", "exponential", "vectors", "path", "foresight",
-    "law", "plain", "checker", "envelope", "guard", "ordinary", "beam", "rows", "carry",
+    "law", "enter", "roles", "checker", "envelope", "guard", "ordinary", "beam", "rows", "carry",
 )  # fmt: skip
 
 

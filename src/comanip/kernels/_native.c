@@ -965,7 +965,8 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
 #include "_path.h"
 #include "_foresight.h"
 #include "_law.h"
-#include "_plain.h"
+#include "_enter.h"
+#include "_roles.h"
 #include "_checker.h"
 #include "_envelope.h"
 #include "_guard.h"
@@ -984,6 +985,7 @@ typedef struct {
     Table *tables; /* law.tables */
     Arrays arrays;
     PyObject *filter, *bank;
+    Role *role; /* of one that changes it, or NULL */
     Array slots[LAW_SLOTS];
 } Laws;
 
@@ -1119,13 +1121,13 @@ static int take_where(Laws *self, PyObject *stations, PyObject *firsts, PyObject
 
 static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
     PyObject *filter, *numbers, *following, *policy, *compliance, *pace_memory, *memory, *until, *seen, *bank;
-    PyObject *path, *velocity, *force, *way, *gain, *goal_rows, *stations, *firsts, *where, *goals, *foresight;
+    PyObject *path, *velocity, *force, *way, *gain, *goal_rows, *stations, *firsts, *where, *goals, *foresight, *role;
     double dt, model_dt, pull_s, bias_s;
     int d;
     (void)keywords;
-    if (!PyArg_ParseTuple(args, "O!OOO(OOOOOO)OOOOO(OOOO)iddddOO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
+    if (!PyArg_ParseTuple(args, "O!OOO(OOOOOO)OOOOO(OOOO)iddddOOO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
                           &force, &way, &gain, &goal_rows, &compliance, &pace_memory, &memory, &until, &seen, &stations, &firsts, &where, &goals, &d, &dt, &model_dt, &pull_s, &bias_s,
-                          &bank, &foresight))
+                          &bank, &foresight, &role))
         return NULL;
     const int D = ((Filter *)filter)->tick.D;
     if (d < 1 || d > MOST_AXES || (D != d && D != 2 * d))
@@ -1141,6 +1143,7 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     double *of_skill = TAKE(memory, 1, 8 * d + 7);
     l->until = TAKE(until, 1, 1);
     l->seen = TAKE(seen, 1, D);
+    self->role = role == Py_None ? NULL : TAKE(role, 1, sizeof(Role) / 8);
 #undef TAKE
     if (PyErr_Occurred() || take_tables(self, path, velocity, force, way, gain, goal_rows) < 0 || take_where(self, stations, firsts, where, goals) < 0 ||
         (foresight != Py_None && take_foresight(self, foresight) < 0) || (bank != Py_None && take_bank(self, bank, 3 * d, (Filter *)filter) < 0)) {
@@ -1188,6 +1191,13 @@ static int law_takes(Laws *self, PyObject *const *args, Py_ssize_t n, const doub
     return *x && *force && all_finite(*x, d) && all_finite(*force, d);
 }
 
+/* One tick of a skill that changes its role; 0, with nothing changed but what was heard, for the twin. */
+static int by_role(Laws *self, const double *x, const double *force, double *const out[3]) {
+    if (!self->role || !attend(&self->law, x, force)) return 0;
+    act_attended(&self->law, self->role, x, force, out);
+    return 1;
+}
+
 #define LAW_METHOD(name, call)                                                          \
     static PyObject *law_##name(PyObject *object, PyObject *const *args, Py_ssize_t n) { \
         Law *l = &((Laws *)object)->law;                                                \
@@ -1198,8 +1208,22 @@ static int law_takes(Laws *self, PyObject *const *args, Py_ssize_t n, const doub
 LAW_METHOD(comply, follow(l, x, force, out, 0, 0))
 LAW_METHOD(follow, follow(l, x, force, out, 1, 1))
 LAW_METHOD(lead, lead(l, x, force, out))
-LAW_METHOD(lead_on, lead_on(l, x, force, out))
-LAW_METHOD(follow_on, follow_on(l, x, force, out))
+LAW_METHOD(by_role, by_role((Laws *)object, x, force, out))
+
+/* (position, goal, last): from rest there to that goal, see enter_law; how far outside of what was taught that is [m] */
+static PyObject *law_enter(PyObject *object, PyObject *args) {
+    Law *l = &((Laws *)object)->law;
+    PyObject *position;
+    double last;
+    int goal;
+    if (!PyArg_ParseTuple(args, "Oid", &position, &goal, &last)) return NULL;
+    if (goal < 0 || goal >= l->n_goals) return PyErr_Format(PyExc_ValueError, "goal %d of %d", goal, l->n_goals);
+    Arrays arrays = {.n = 0};
+    const double *x = take(&arrays, position, 0, l->d, 8, "position");
+    PyObject *off = x ? PyFloat_FromDouble(enter_law(l, x, goal, last, l->where.said)) : NULL;
+    release(&arrays);
+    return off;
+}
 
 enum { FELT = 0, N_FELT = 5, WISH = N_FELT, SENT = WISH + 3, ENVELOPE_SLOTS = SENT + 3 }; /* FELT: as in `envelope_senses` */
 enum { NOT_MINE = -1, RESTS, THINKS, RESUMES };                                            /* what it says of the skill */
@@ -1323,7 +1347,7 @@ static const Layout LAYOUTS[] = {
     {"wrist", WRIST(ITS_NAME)}, {"person", HUMAN(ITS_NAME)}, {"along", ALONG(ITS_NAME)}, {"end", END(ITS_NAME)}, {"law", LAW(ITS_NAME)},
     {"policy", POLICY(ITS_NAME)}, {"limits", LIMITS(ITS_NAME)}, {"scalars", SCALARS(ITS_NAME)}, {"vectors", VECTORS(ITS_NAME) CHECKED(ITS_NAME)},
     {"carry", CARRY(ITS_NAME)}, {"felt", FELT(ITS_NAME)}, {"guard", GUARD(ITS_NAME)}, {"guarded", GUARDED(ITS_NAME)},
-    {"reasons", REASONS(REASON_NAME)},
+    {"reasons", REASONS(REASON_NAME)}, {"role", ROLE(ITS_NAME)},
 };
 
 static PyObject *layouts(PyObject *self, PyObject *none) {
@@ -1408,8 +1432,8 @@ static PyMethodDef law_methods[] = {
     LAW_ENTRY(comply, "One tick of compliance alone."),
     LAW_ENTRY(follow, "One tick of a follower."),
     LAW_ENTRY(lead, "One tick of a leader."),
-    LAW_ENTRY(lead_on, "One tick of a leader who may give way."),
-    LAW_ENTRY(follow_on, "One tick of a follower who may take over."),
+    LAW_ENTRY(by_role, "One tick of a skill that follows, offers to lead or leads."),
+    {"enter", law_enter, METH_VARARGS, "From rest, to a goal; how far outside of what was taught that is."},
     {NULL, NULL, 0, NULL},
 };
 static PyType_Slot law_slots[] = {{Py_tp_new, law_new}, {Py_tp_dealloc, law_dealloc}, {Py_tp_methods, law_methods}, {0, NULL}};

@@ -1,7 +1,10 @@
-/* skills/roles.py once more, whole: follows, offers to lead, leads. _law.h has the plain ticks of following and leading alone. */
+/* skills/roles.py once more, whole: follows, offers to lead, leads. */
 
+#define ROLE(X) \
+    X(acts, acts) X(answers, answers) X(placed, placed) X(gave_way, gave_way) X(put_back, put_back) X(reached, reached) \
+    X(push, push) X(meant, meant) X(blend, blend) X(complies_only, complies_only) X(outside, outside)
 typedef struct { /* RoleSkill, what is not in its memory */
-    double acts, answers, placed, gave_way, put_back, reached, push, meant, blend, complies_only, outside;
+    ROLE(ONE_NUMBER)
     Axes place, way;
 } Role;
 
@@ -117,14 +120,13 @@ static inline void led_by(Law *l, Role *r, const double *x, const double *force,
     }
 }
 
-/* RoleSkill._step, of finite numbers */
-static inline void act_by_role(Law *l, Role *r, const double *x, const double *felt, double *const out[3]) {
+/* RoleSkill._step, of finite numbers that were attended to */
+static inline void act_attended(Law *l, Role *r, const double *x, const double *felt, double *const out[3]) {
     const int d = l->d;
     double change = l->dt / l->policy.blend_s;
     Axes force, reference = {0}, excess, both;
     Numbers offering = l->following, mixed;
     copy(l->position, x, d);
-    (void)attend(l, x, felt);
     for (int i = 0; i < d; i++) {
         force[i] = felt[i] - l->bias[i];
         l->pull[i] += l->pull_share * (force[i] - l->pull[i]);
@@ -153,6 +155,11 @@ static inline void act_by_role(Law *l, Role *r, const double *x, const double *f
     if (follows && r->blend == 0.0) anticipated(l, law, force, ahead);
     comply(l, law, excess, moving, astray, ahead);
     send(l, law, x, reference, out);
+}
+
+static inline void act_by_role(Law *l, Role *r, const double *x, const double *felt, double *const out[3]) {
+    (void)attend(l, x, felt);
+    act_attended(l, r, x, felt, out);
 }
 
 /* RoleSkill._enter; `told_to_lead` as it was made, `last` as for enter_law */

@@ -72,6 +72,9 @@ BLOCKS: dict[str, tuple[str, ...]] = {
         "STUCK", "TOO_HEAVY", "FORCE_JUMPED", "NOT_FOLLOWING", "GONE", "SINKS", "PUSHED", "BLOCKED", "LET_GO", "CHECKER_SPEED",
         "CHECKER_ACCELERATION", "CHECKER_ROOM", "OUTSIDE", "IN_MOTION", "PULLED", "STUCK_STILL",
     ),  # of the envelope, by number
+    "role": (
+        "acts", "answers", "placed", "gave_way", "put_back", "reached", "push", "meant", "blend", "complies_only", "outside",
+    ),  # of skills.roles.RoleSkill
     "carry": (
         "dt_s", "noise_n", "bias_n", "half_mass_kg", "sums", "fastest_m_per_s", "good_s", "average", "late_ticks", "blend",
         "size_m", "effort_n", "rough_m_per_s2", "ends_early", "waits", "onset_s", "starts_by_s", "tilt_rad", "moved_m",

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from .. import kernels
+from ..interfaces import Command, Observation
 from ..kernels import layouts
 from .reasons import number_of, said_of, same
 
@@ -148,3 +149,69 @@ def _put(envelope: Any, name: str, value: Any) -> None:
     holder = attrgetter(owner)(envelope) if owner else envelope
     kind = type(getattr(holder, last))
     setattr(holder, last, value if kind is int and name not in COUNTS else kind(value))  # a limit may be stated as 5, not 5.0
+
+
+class Lending:
+    """A part of `Envelope`."""
+
+    def _step_compiled(self: Any, obs: Observation, command: Command) -> bool:
+        """False, with nothing changed, for an observation of other shapes or kinds."""
+        tick = self._compiled
+        does = tick.senses(obs.time, obs.force_time, obs.position, obs.force, obs.velocity, obs.sensor_force, self._taught)
+        if does < RESTS:
+            return False
+        if does == RESUMES:
+            does = self._resumed(obs, command)
+        if does == THINKS:
+            self._think_within(obs, command)
+        elif does == RESTS:
+            tick.rests(command.position, command.velocity, command.acceleration)
+        return True
+
+    def _resumed(self: Any, obs: Observation, command: Command) -> int:
+        """What the skill is to do once it has begun again; RESUMES where the tick was done meanwhile, in Python."""
+        problem = self._resumes(obs)
+        if not problem and self._is_lent:
+            return int(self._compiled.recovered())
+        self._take_back()
+        late = self._compiled.late
+        if problem:
+            self._fault(problem)
+        else:  # it has looked at its envelope
+            self._recovered()
+            self._think(obs, self._period, True)
+        self._send(command, self._period, True, late)
+        return RESUMES
+
+    def _think_within(self: Any, obs: Observation, command: Command) -> None:
+        inner = self._inner
+        try:
+            self.skill.step(obs, inner)
+        except Exception as error:
+            self._remark(repr(error), command)
+            return
+        if not self._is_lent or not self._compiled.acts(  # not lent any more: the skill has looked at its envelope
+            inner.position, inner.velocity, inner.acceleration, command.position, command.velocity, command.acceleration
+        ):
+            self._remark(self._unfit(), command)
+        elif self._frozen is not None:
+            self._show()
+
+    def _remark(self: Any, problem: str, command: Command) -> None:
+        """What is left of a tick whose command has a problem, or whose skill asked for what was lent."""
+        self._take_back()
+        self._heed(problem, float(self._confidence[0]))
+        self._send(command, self._period, True, self._compiled.late)
+
+    def _lends(self: Any) -> bool:
+        """Whether the compiled tick has the memory; it gets it, unless something is under way that only the Python knows."""
+        if self._compiled is None or self._tells is not None or self._timer is not None:
+            return False
+        if not self._is_lent:
+            self._is_lent = self._compiled.lend(self)
+        return self._is_lent
+
+    def _take_back(self: Any) -> None:
+        if self._is_lent and self._compiled is not None:
+            self._is_lent = False
+            self._compiled.take_back(self)

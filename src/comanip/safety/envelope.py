@@ -31,7 +31,7 @@ from ..kernels.copies import Copied
 from ..signals.vectors import apart, length
 from .bounds import Bounds
 from .checker import Checker
-from .compiled_tick import LENT, MOST_AXES, RESTS, RESUMES, THINKS, CompiledTick
+from .compiled_tick import LENT, MOST_AXES, CompiledTick, Lending
 from .detectors import Jump, LetGo, Pushed, Shaking, Sinking, Stuck
 from .limits import Limits
 from .situation import BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation, taught_by
@@ -41,7 +41,7 @@ SAME_SAMPLE = 1e-3  # of a period: a stamp that advances by less is the same sam
 ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
 
 
-class Envelope(Copied, Situation, Bounds):
+class Envelope(Copied, Situation, Bounds, Lending):
     """Wraps `skill`; has its socket. `rearm` is for the user alone.
 
     tells     optional confidence in [0, 1] that the observation is like what was taught: below 1 the command fades to COMPLY
@@ -314,68 +314,6 @@ class Envelope(Copied, Situation, Bounds):
         if self._state == RUN:
             self._think(obs, period, fresh)
         self._send(command, period, fresh, late)
-
-    def _step_compiled(self, obs: Observation, command: Command) -> bool:
-        """False, with nothing changed, for an observation of other shapes or kinds."""
-        tick = self._compiled
-        does = tick.senses(obs.time, obs.force_time, obs.position, obs.force, obs.velocity, obs.sensor_force, self._taught)
-        if does < RESTS:
-            return False
-        if does == RESUMES:
-            does = self._resumed(obs, command)
-        if does == THINKS:
-            self._think_within(obs, command)
-        elif does == RESTS:
-            tick.rests(command.position, command.velocity, command.acceleration)
-        return True
-
-    def _resumed(self, obs: Observation, command: Command) -> int:
-        """What the skill is to do once it has begun again; RESUMES where the tick was done meanwhile, in Python."""
-        problem = self._resumes(obs)
-        if not problem and self._is_lent:
-            return int(self._compiled.recovered())
-        self._take_back()
-        late = self._compiled.late
-        if problem:
-            self._fault(problem)
-        else:  # it has looked at its envelope
-            self._recovered()
-            self._think(obs, self._period, True)
-        self._send(command, self._period, True, late)
-        return RESUMES
-
-    def _think_within(self, obs: Observation, command: Command) -> None:
-        inner = self._inner
-        try:
-            self.skill.step(obs, inner)
-        except Exception as error:
-            self._remark(repr(error), command)
-            return
-        if not self._is_lent or not self._compiled.acts(  # not lent any more: the skill has looked at its envelope
-            inner.position, inner.velocity, inner.acceleration, command.position, command.velocity, command.acceleration
-        ):
-            self._remark(self._unfit(), command)
-        elif self._frozen is not None:
-            self._show()
-
-    def _remark(self, problem: str, command: Command) -> None:
-        """What is left of a tick whose command has a problem, or whose skill asked for what was lent."""
-        self._take_back()
-        self._heed(problem, float(self._confidence[0]))
-        self._send(command, self._period, True, self._compiled.late)
-
-    def _lends(self) -> bool:
-        """Whether the compiled tick has the memory; it gets it, unless something is under way that only the Python knows."""
-        if self._compiled is None or self._tells is not None or self._timer is not None:
-            return False
-        if not self._is_lent:
-            self._is_lent = self._compiled.lend(self)
-        return self._is_lent
-
-    def _take_back(self) -> None:
-        if self._is_lent and self._compiled is not None:
-            self._is_lent = False
-            self._compiled.take_back(self)
 
     def _send(self, command: Command, period: float, fresh: bool, late: bool) -> None:
         velocity = self._clip(period)
