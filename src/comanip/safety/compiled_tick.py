@@ -56,7 +56,8 @@ class CompiledTick:
         )  # fmt: skip
         self.senses, self.recovered = self.compiled.senses, self.compiled.recovered
         self.acts, self.rests = self.compiled.acts, self.compiled.rests
-        self._limits, self._lent = limits, {}
+        self._limits = limits
+        self._lent: dict[str, Any] = {}
         # (number, value, text) of the reason, and of what passed, as they were said last
         self._reason = self._passed = (0, nan, "")
 

@@ -121,7 +121,7 @@ class Envelope(Copied, Situation, Bounds, Lending):
     @property
     def reason(self) -> str:
         """Why it is not in RUN; empty in RUN."""
-        return self._compiled.reason() if self._is_lent else self._reason  # type: ignore[no-any-return]
+        return self._compiled.reason() if self._is_lent else self._reason
 
     @property
     def passes(self) -> bool:
