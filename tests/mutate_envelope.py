@@ -1,128 +1,200 @@
-"""Changes one operator or number at a time in a copy of the envelope's modules and counts how many of them the tests notice.
+"""Changes one place at a time in the safety rooms and counts how many of the changes their tests notice.
 
-    python tests/mutate_envelope.py [n [seed]]        n of them drawn at random: the score, and which survived
+    python tests/mutate_envelope.py [--rooms checker detectors ...] [--number 30] [--seed 0]
 
-Nobody chose them by hand: every comparison, sum, product, min, max, negation and number of the modules below may be drawn.
-Not collected by pytest: it takes minutes. The Python is changed, and the C kernels are off.
+What is changed is chosen by Cosmic Ray (pip install cosmic-ray), not by us: numbers by one, sums and products, comparisons,
+and/or/not, loops that never run, exceptions; `--number` of each room are drawn at random. Its replacements that give an error of
+types at once (a bit shift of a float) are left out: anything would notice them.
+The Python is changed and the C kernels are off, so what notices is how it behaves and not the comparison with its twin. Each
+change is tried in a fork of one process, by the tests that are named for its room. Not collected by pytest: it takes an hour.
 """
 
 from __future__ import annotations
 
-import ast
+import argparse
+import importlib.abc
+import importlib.util
 import os
-import shutil
-import subprocess
+import resource
 import sys
-import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
 
 import numpy as np
 
 ROOT = Path(__file__).parent.parent
-SOURCES = (*(f"safety/{one}.py" for one in "envelope bounds situation detectors checker".split()), "interaction.py")
-TESTS = [
-    "tests/faults/test_controller_faults.py", "tests/faults/test_safety_faults.py", "tests/faults/test_matching_parts.py",
-    "tests/laws/test_envelope_laws.py", "tests/test_interaction.py",
-]  # fmt: skip
-OTHER = {
-    ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
-    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.And: ast.Or, ast.Or: ast.And,
-}  # fmt: skip
-NAMES = {"min": "max", "max": "min"}
-PLUGIN = """from hypothesis import Phase, settings
-settings.register_profile("unshrunk", phases=[Phase.explicit, Phase.generate])
-settings.load_profile("unshrunk")
-"""  # a defect is caught by any failure; the shortest one is of no interest
+FAULTS, SAFETY = "tests/faults/test_controller_faults.py", "tests/faults/test_safety_faults.py"
+LAWS, FITS = "tests/laws/test_envelope_laws.py", "tests/faults/test_matching_parts.py"
+WATCHES, RULES = "tests/skills/test_watching.py", "tests/skills/test_envelope_rules.py"
+FORCE = ("tests/test_interaction.py", "tests/test_interaction_wrench.py")
+ROOMS: dict[str, tuple[str, tuple[str, ...]]] = {  # room -> (its module, the tests that are to notice, quick ones first)
+    "checker": ("safety/checker.py", (RULES, LAWS, SAFETY)),
+    "detectors": ("safety/detectors.py", (WATCHES, RULES, FAULTS, SAFETY)),
+    "situation": ("safety/situation.py", (RULES, WATCHES, FAULTS, SAFETY)),
+    "bounds": ("safety/bounds.py", (RULES, FAULTS, LAWS, SAFETY)),
+    "envelope": ("safety/envelope.py", (RULES, FAULTS, FITS, LAWS, SAFETY)),
+    "limits": ("safety/limits.py", (RULES, FAULTS, SAFETY)),
+    "interaction": ("interaction.py", FORCE),
+    "roles": ("skills/roles.py", ("tests/skills/test_role_rules.py", "tests/skills/test_roles.py")),
+}
+SENSELESS = ("Mod", "Pow", "FloorDiv", "Shift", "Bit", "Invert", "VariableReplacer", "VariableInserter", "RemoveDecorator")
+UNSHRUNK = ("living_partners", "C22")  # too slow, and about other rooms
+MOST_S = 120  # of processor: a change that makes the tests so slow is noticed
 
 
-class Change(ast.NodeTransformer):
-    """Changes the `nth` place that can be changed; `seen` counts them, `said` says which it was."""
+class Place(NamedTuple):
+    """One change: Cosmic Ray's operator and where it applies."""
 
-    def __init__(self, nth: int) -> None:
-        self.nth, self.seen, self.said = nth, 0, ""
-
-    def here(self, node: ast.AST) -> bool:
-        self.seen += 1
-        if self.seen - 1 == self.nth:
-            self.said = f"line {node.lineno}: {ast.unparse(node)[:70]}"
-        return bool(self.seen - 1 == self.nth)
-
-    def visit_Compare(self, node: ast.Compare) -> ast.AST:
-        self.generic_visit(node)
-        if type(node.ops[0]) in OTHER and self.here(node):
-            node.ops[0] = OTHER[type(node.ops[0])]()
-        return node
-
-    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
-        self.generic_visit(node)
-        if type(node.op) in OTHER and self.here(node):
-            node.op = OTHER[type(node.op)]()
-        return node
-
-    def visit_BoolOp(self, node: ast.BoolOp) -> ast.AST:
-        self.generic_visit(node)
-        if self.here(node):
-            node.op = OTHER[type(node.op)]()
-        return node
-
-    def visit_Name(self, node: ast.Name) -> ast.AST:
-        if node.id in NAMES and self.here(node):
-            node.id = NAMES[node.id]
-        return node
-
-    def visit_Constant(self, node: ast.Constant) -> ast.AST:
-        if type(node.value) is float and self.here(node):
-            node.value = 2.0 * node.value if node.value else 1.0
-        return node
-
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
-        if node.value is not None:
-            node.value = self.visit(node.value)
-        return node
+    operator: str
+    occurrence: int
 
 
-def places(name: str) -> int:
-    counted = Change(-1)
-    counted.visit(ast.parse((ROOT / "src/comanip" / name).read_text()))
-    return counted.seen
+class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Imports one module from other text than its file's."""
+
+    def __init__(self, name: str, path: Path, text: str) -> None:
+        self._name, self._path, self._text = name, path, text
+
+    def find_spec(self, fullname: str, path: object, target: object = None) -> importlib.machinery.ModuleSpec | None:
+        if fullname != self._name:
+            return None
+        return importlib.util.spec_from_file_location(fullname, self._path, loader=self)
+
+    def exec_module(self, module: ModuleType) -> None:
+        exec(compile(self._text, str(self._path), "exec"), module.__dict__)
 
 
-def noticed(folder: Path) -> bool:
-    path = os.pathsep.join([str(folder), str(ROOT / "tests")])
-    quick = ["-x", "-q", "-p", "no:cacheprovider", "-p", "unshrunk", "-k", "not living_partners and not C22"]
-    command = [sys.executable, "-m", "pytest", *quick, *TESTS]
-    environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1", "COMANIP_KERNELS": "numpy"}
-    try:
-        return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, timeout=120).returncode != 0
-    except subprocess.TimeoutExpired:
-        return True
+def operators() -> dict[str, Any]:
+    """Cosmic Ray's, and a number twice as large: by one is very much for a threshold of 0.02 N."""
+    import parso
+    from cosmic_ray.operators.operator import Operator
+    from cosmic_ray.plugins import get_operator, operator_names
+
+    class Doubled(Operator):
+        def mutation_positions(self, node: Any) -> Iterator[Any]:
+            if isinstance(node, parso.python.tree.Number) and "." in node.value:
+                yield node.start_pos, node.end_pos
+
+        def mutate(self, node: Any, index: int) -> Any:
+            return parso.python.tree.Number(f" {2.0 * float(node.value) or 1.0}", node.start_pos)
+
+        @classmethod
+        def examples(cls) -> tuple[Any, ...]:
+            return ()
+
+    chosen = [name for name in sorted(operator_names()) if not any(word in name for word in SENSELESS)]
+    return {**{name: get_operator(name)() for name in chosen}, "doubled": Doubled()}
 
 
-def survives(name: str, nth: int, folder: Path) -> str:
-    """What was changed, if no test noticed."""
-    source, copy = (ROOT / "src/comanip" / name).read_text(), folder / "comanip" / name
-    change = Change(nth)
-    copy.write_text(ast.unparse(change.visit(ast.parse(source))))
-    try:
-        seen = noticed(folder)
-    finally:
-        copy.write_text(source)
-    print("caught  " if seen else "SURVIVES", name, change.said, flush=True)
-    return "" if seen else f"{name} {change.said}"
+def places(text: str) -> list[Place]:
+    from cosmic_ray.ast import ast_nodes, get_ast
+
+    tree, found = get_ast(text), []
+    for name, operator in operators().items():
+        where = [node for node in ast_nodes(tree) for _ in operator.mutation_positions(node)]
+        found += [Place(name, n) for n, node in enumerate(where) if not in_annotation(node)]
+    return found
+
+
+def in_annotation(node: Any) -> bool:
+    """A type, which nothing looks at when it runs."""
+    while node is not None:
+        parent = node.parent
+        if parent is not None and parent.type == "annassign" and parent.children[1] is node:
+            return True
+        if parent is not None and parent.type == "tfpdef" and parent.children[-1] is node:
+            return True
+        node = parent
+    return False
+
+
+def changed(text: str, place: Place) -> str:
+    from cosmic_ray.mutating import mutate_code
+
+    return mutate_code(text, operators()[place.operator], place.occurrence) or text
+
+
+def said(old: str, new: str) -> str:
+    """The line that differs."""
+    for n, (a, b) in enumerate(zip(old.splitlines(), new.splitlines(), strict=False), 1):
+        if a != b:
+            return f"{n}: {a.strip()}  ->  {b.strip()}"
+    return "the same"
+
+
+def _tests(finder: Changed | None, tests: Sequence[str], log: Path) -> int:
+    """In a fork: pytest's exit code."""
+    import pytest
+    from hypothesis import Phase, settings
+
+    if finder is not None:
+        sys.meta_path.insert(0, finder)
+    settings.register_profile("unshrunk", phases=[Phase.explicit, Phase.generate], database=None, derandomize=True)
+    settings.load_profile("unshrunk")  # a defect is caught by any failure; the shortest one is of no interest
+    out = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(out, 1), os.dup2(out, 2)
+    left_out = " and ".join(f"not {word}" for word in UNSHRUNK)
+    there = [test for test in tests if (ROOT / test.split("::")[0]).exists()]
+    return int(pytest.main(["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-p", "no:randomly", "-k", left_out, *there]))
+
+
+def noticed(finder: Changed | None, tests: Sequence[str], log: Path) -> bool:
+    sys.stdout.flush()
+    child = os.fork()
+    if child == 0:
+        resource.setrlimit(resource.RLIMIT_CPU, (MOST_S, MOST_S))
+        code = 1
+        try:
+            code = _tests(finder, tests, log)
+        finally:
+            os._exit(code)
+    _, status = os.waitpid(child, 0)
+    return status != 0
+
+
+def try_room(room: str, number: int, seed: int, log: Path) -> tuple[int, list[str]]:
+    name, tests = ROOMS[room]
+    path = ROOT / "src/comanip" / name
+    text = path.read_text()
+    if noticed(None, tests, log):
+        sys.exit(f"{room}: its tests fail without any change: {log}")
+    every = places(text)
+    drawn = np.random.default_rng([seed, len(every)]).permutation(len(every))[:number]
+    module, alive, tried = "comanip." + name.removesuffix(".py").replace("/", "."), [], 0
+    for i in drawn:
+        new = changed(text, every[i])
+        if new == text:
+            continue
+        seen = noticed(Changed(module, path, new), tests, log)
+        tried += 1
+        what = f"{name} {said(text, new)}"
+        print("caught  " if seen else "SURVIVES", what, flush=True)
+        if not seen:
+            alive.append(what)
+    print(f"{room}: {tried - len(alive)} of {tried} caught ({len(every)} there are)", flush=True)
+    return tried, alive
 
 
 def main() -> None:
-    n, seed = ([int(a) for a in sys.argv[1:]] + [40, 0][len(sys.argv) - 1 :])[:2]
-    every = [(name, nth) for name in SOURCES for nth in range(places(name))]
-    drawn = np.random.default_rng(seed).permutation(len(every))[:n]
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        (folder / "unshrunk.py").write_text(PLUGIN)
-        shutil.copytree(ROOT / "src/comanip", folder / "comanip")
-        if noticed(folder):
-            sys.exit("the tests fail without any change")
-        alive = [said for i in drawn if (said := survives(*every[i], folder))]
-    print(f"{len(drawn) - len(alive)} of {len(drawn)} caught ({len(every)} there are); alive: {'; '.join(alive) or 'none'}")
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("--rooms", nargs="*", default=list(ROOMS), choices=list(ROOMS))
+    asked.add_argument("--number", type=int, default=30)
+    asked.add_argument("--seed", type=int, default=0)
+    given = asked.parse_args()
+    os.environ["COMANIP_KERNELS"] = "numpy"
+    os.chdir(ROOT)
+    sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "src")]
+    log, tried, alive = Path(f"/tmp/mutants-{os.getpid()}.log"), 0, []
+    for room in given.rooms:
+        n, left = try_room(room, given.number, given.seed, log)
+        tried, alive = tried + n, alive + left
+    p, n = (tried - len(alive)) / tried, tried
+    half = 1.96 * np.sqrt(p * (1.0 - p) / n + 1.96**2 / (4.0 * n**2)) / (1.0 + 1.96**2 / n)
+    middle = (p + 1.96**2 / (2.0 * n)) / (1.0 + 1.96**2 / n)
+    print(f"{tried - len(alive)} of {tried} caught, {100 * p:.1f} % ({100 * (middle - half):.1f} to {100 * (middle + half):.1f})")
+    print("alive:", *(alive or ["none"]), sep="\n  ")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""Behaviour cloning from lessons: python benchmarks/policies/train_bc.py OUT --lessons-in LESSONS --kind mlp --lessons 50
+"""Behaviour cloning from lessons: python benchmarks/policies/train_bc.py OUT --lessons-in LESSONS
 
-Kinds: mlp, gru (one-step), act (chunks). Lessons are those of benchmarks/policies/lessons.py; the curve of the held-out error
-goes to OUT/KIND_LESSONS_TASK_ROLE.csv and the policy to OUT/KIND_LESSONS.py, for comanip trial --law-from. Needs torch.
+Kinds: mlp, gru (one-step), act (chunks), each from 5, 50 and 500 lessons of benchmarks/policies/lessons.py. The curve of the
+held-out error goes to OUT/KIND_LESSONS_TASK_ROLE.csv and the policy to OUT/KIND_LESSONS.py, for comanip trial --law-from. Needs
+torch.
 """
 
 from __future__ import annotations
@@ -117,11 +118,11 @@ def main() -> None:
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("out", type=Path)
     words.add_argument("--lessons-in", type=Path, required=True)
-    words.add_argument("--kind", nargs="+", choices=("mlp", "gru", "act"), default=["mlp"])
+    words.add_argument("--kind", nargs="+", choices=("mlp", "gru", "act"), default=["mlp", "gru", "act"])
     words.add_argument("--task", nargs="+", default=["lift"])
     words.add_argument("--role", nargs="+", default=["follower", "leader"])
-    words.add_argument("--lessons", nargs="+", type=int, default=[50])
-    words.add_argument("--seconds", type=float, default=20.0, help="of CPU time that each may take")
+    words.add_argument("--lessons", nargs="+", type=int, default=[5, 50, 500])
+    words.add_argument("--seconds", type=float, default=4.0, help="of CPU time that each may take")
     words.add_argument("--seed", type=int, default=0)
     asked = words.parse_args()
     for kind in asked.kind:

@@ -274,7 +274,8 @@ def _told_nothing(
     learned: Mapping[str, LearnedSkill], tracking: str, dt: float, goal: int | Array | None, policy: RolePolicy | None
 ) -> Skill:
     from .skills.collaborate import CollaborativeLaw
-    from .skills.roles import RoleEvidence, RolePolicy
+    from .skills.evidence import RoleEvidence
+    from .skills.roles import RolePolicy
 
     leader, follower = (
         CollaborativeLaw.for_role(role, **stored_settings(learned[role], tracking)) for role in ("leader", "follower")

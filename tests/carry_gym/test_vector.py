@@ -122,6 +122,11 @@ def test_gymnasium_makes_it_by_name():
         (np.zeros((3, 1)), r"actions have shape \(3, 1\)"),
         ([[0.0], [np.nan]], r"action of run 1 is \[nan\]"),
         ("up", "actions are 'up'"),
+        (0.0, r"actions have shape \(\)"),
+        ([["0.1"], ["0.1"]], "actions are"),
+        (np.zeros((2, 1), complex), "actions are"),
+        ([[0.0], [0.0, 1.0]], "actions are"),
+        (None, "actions are None"),
     ],
 )
 def test_bad_actions_are_one_error_and_nothing_has_moved(bad, says):
@@ -136,10 +141,23 @@ def test_bad_actions_are_one_error_and_nothing_has_moved(bad, says):
         assert many.step(np.zeros((2, 1)))[0].tobytes() == other.step(np.zeros((2, 1)))[0].tobytes()
 
 
+@pytest.mark.parametrize("seed", [[1], [1, 2, 3], [[1], [2]], "ab", 1.5, True, -1, [0, -1], [0, "x"]])
+def test_seeds_are_one_number_or_one_a_run(seed):
+    many = CarryVectorEnv(2)
+    with pytest.raises(ParameterError, match="seed is"):
+        many.reset(seed=seed)
+    one, same = many.reset(seed=np.int64(3))[0], many.reset(seed=[3, 4])[0]
+    assert (one == same).all()
+
+
 @pytest.mark.parametrize(
     ("about", "says"),
     [
         ({"num_envs": 0}, "num_envs is 0"),
+        ({"num_envs": True}, "num_envs is True"),
+        ({"num_envs": "2"}, "num_envs is '2'"),
+        ({"autoreset_mode": "nonsense"}, "autoreset_mode is 'nonsense' .*; allowed: NEXT_STEP, SAME_STEP"),
+        ({"autoreset_mode": None}, "autoreset_mode is None"),
         ({"render_mode": "rgb_array"}, "draws nothing"),
         ({"task": "fly"}, "task 'fly' is unknown"),
         ({"autoreset_mode": gymnasium.vector.AutoresetMode.DISABLED}, "allowed: NEXT_STEP, SAME_STEP"),

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from comanip import kernels
 from comanip.interfaces import Command, Observation
 from comanip.models.hmm import Hmm
-from comanip.skills import roles
+from comanip.skills import evidence
 from comanip.skills.collaborate import CollaborativeLaw, CollaborativeSkill, Watch
+from comanip.skills.evidence import RoleEvidence
 from comanip.skills.reference import PhaseReference
-from comanip.skills.roles import RoleEvidence, RolePolicy, RoleSkill
+from comanip.skills.roles import RolePolicy, RoleSkill
 from toys import random_hmm
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
@@ -158,7 +159,7 @@ def test_who_holds_a_leader_or_insists_is_counted_alike_and_given_way(policy, gi
 
 
 def test_any_number_of_strengths_makes_a_role(monkeypatch):
-    monkeypatch.setattr(roles, "GAINS", (0.1, 0.2, 0.4, 0.8, 1.6))
+    monkeypatch.setattr(evidence, "GAINS", (0.1, 0.2, 0.4, 0.8, 1.6))
     one, other = pair(KINDS[3], 4, 1)
     obs, a, b = Observation(1), Command(1), Command(1)
     obs.position[:] = obs.force[:] = 0.0

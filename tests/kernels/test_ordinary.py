@@ -223,10 +223,11 @@ def test_all_that_the_envelope_remembers_is_lent_or_stays():
         "skill", "limits", "_dt", "_tells", "_timer", "_axes", "_d", "_late", "_stale", "_walls", "_mode", "_tank", "_confidence",
         "_inner", "_frozen", "_compiled", "_is_lent", "_state", "_reason", "_first", "_known", "_ran", "_ticks", "_at_first",
         "_feels_s",
-        "_passes", "_passed", "_passed_s", "_wait_s", "_sinks_wait_s", "_cause", "_bound", "_pulled", "_taught",
+        "_passes", "_passed", "_passed_s", "_wait_s", "_sinks_wait_s", "_cause", "_bound", "_pulled", "_taught", "_leading",
     }  # fmt: skip
     parts = {
         "_let_go": {"_alone_n", "_alone_s", "_stands_m_s", "_most_apart_n", "_swing", "_pulls", "_before", "was_mistaken"},
+        "_missing": {"_nobody_n", "_nobody_s", "_held_n", "_bias_n", "_fast_m_per_s", "_moving_m_per_s"},
         "_sinking": {"_alone_n"},
         "_pushed": {"_usual_n"},
         "_stuck": {"_stuck_s", "_stuck_m"},

@@ -20,6 +20,17 @@ CHROMIUM = (
     or shutil.which("google-chrome")
 )
 FORESEEN = 0.8  # share of the way meanwhile
+FRAME_S, STEP_S = 1.0 / 60.0, 1.0 / 30.0  # of what is drawn, of what is done
+# Time that passes when the script says so, a frame at a call: what a person by script does there does not hang on the machine's load.
+STEPPED = """(() => { let now = 0, frames = [], timers = [], id = 0;
+  performance.now = () => now; Date.now = () => now;
+  requestAnimationFrame = does => { frames.push(does); return ++id; };
+  setTimeout = (does, ms = 0) => { timers.push({ id: ++id, at: now + ms, does }); return id; };
+  clearTimeout = which => { timers = timers.filter(one => one.id !== which); };
+  globalThis.stepped = ms => { now += ms; const due = timers.filter(one => one.at <= now); timers = timers.filter(one => one.at > now); due.forEach(one => one.does());
+    const drawn = frames; frames = []; drawn.forEach(does => does(now)); } })()"""
+SEEN = """(() => { const b = document.getElementById('scene').getBoundingClientRect(), h = comanip.scene.handle ?? [0, 0];
+  return [comanip.session.phase, b.x + h[0], b.y + h[1]] })()"""
 READY = "html[data-ready=yes]"
 
 
@@ -43,10 +54,14 @@ def browser() -> Iterator[Any]:
 
 
 @contextmanager
-def opened(one: Any, file: Path | str, **context: Any) -> Iterator[Any]:
-    """A tab with the page; what it says on the console or throws is an error of the test, and so is whatever it asks of a network."""
+def opened(one: Any, file: Path | str, *, real_time: bool = False, **context: Any) -> Iterator[Any]:
+    """A tab with the page, whose time passes by `wait`, or really; what it says on the console or throws is an error of the test,
+    and so is whatever it asks of a network."""
     kept = one.new_context(**{"viewport": {"width": 1280, "height": 800}, **context})
     tab = kept.new_page()
+    if not real_time:
+        tab.passed = 0.0
+        tab.add_init_script(STEPPED)
     wrong: list[str] = []
     tab.on("pageerror", lambda error: wrong.append(str(error)))
     tab.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
@@ -58,6 +73,7 @@ def opened(one: Any, file: Path | str, **context: Any) -> Iterator[Any]:
     try:
         tab.goto(where)
         tab.wait_for_selector(READY, timeout=15000)
+        wait(tab, 0.1)
         yield tab
         assert not wrong, wrong
     finally:
@@ -69,88 +85,128 @@ def minimum_jerk(s: float) -> float:
     return s * s * s * (10.0 + s * (-15.0 + 6.0 * s))
 
 
+def _is_stepped(tab: Any) -> bool:
+    return hasattr(tab, "passed")
+
+
+def now(tab: Any) -> float:
+    """[s] of the page's time."""
+    return tab.passed if _is_stepped(tab) else time.monotonic()
+
+
+def wait(tab: Any, seconds: float) -> tuple[str, float, float]:
+    """Lets time pass; gives the phase of the lift and where the handle is on the screen [px]."""
+    if not _is_stepped(tab):
+        time.sleep(seconds)
+        return tuple(tab.evaluate(SEEN)) if tab.evaluate("'comanip' in globalThis") else ("", 0.0, 0.0)
+    frames = max(round(seconds / FRAME_S), 1)
+    tab.passed += frames * FRAME_S
+    return tuple(tab.evaluate(f"(() => {{ for (let n = 0; n < {frames}; n++) stepped({1000.0 * FRAME_S}); return {SEEN} }})()"))  # type: ignore[return-value]
+
+
 def handle(tab: Any) -> tuple[float, float]:
     """Where the handle is on the screen [px]."""
-    x, y = tab.evaluate(
-        "(() => { const b = document.getElementById('scene').getBoundingClientRect(), h = comanip.scene.handle; return [b.x + h[0], b.y + h[1]] })()"
-    )
+    _, x, y = tab.evaluate(SEEN)
     return float(x), float(y)
-
-
-def settled(tab: Any, timeout_s: float = 6.0) -> None:
-    """Until the next lift may begin."""
-    until = time.monotonic() + timeout_s
-    while tab.evaluate("comanip.session.phase") != "idle":
-        if time.monotonic() > until:
-            raise AssertionError(f"not ready: {tab.evaluate('comanip.session.phase')}")
-        time.sleep(0.03)
-    time.sleep(0.08)  # drawn at least once since
 
 
 def until(tab: Any, says: str, timeout_s: float = 15.0) -> None:
     """Until the page says so; playwright's own way is forbidden by the page's policy."""
-    end = time.monotonic() + timeout_s
+    begun, really = now(tab), time.monotonic()
     while not tab.evaluate(says):
-        assert time.monotonic() < end, f"never: {says}"
-        time.sleep(0.03)
+        late = now(tab) - begun > timeout_s and time.monotonic() - really > 5.0
+        assert not late, f"never: {says}"
+        wait(tab, 0.05)
+        time.sleep(0.002)
+
+
+def settled(tab: Any) -> None:
+    """Until the next lift may begin, and is drawn."""
+    until(tab, "comanip.session.phase === 'idle'")
+    wait(tab, 0.08)
 
 
 def lead(
-    tab: Any,
-    rng: random.Random,
-    *,
-    duration_s: float | None = None,
-    onset_s: float | None = None,
-    hand: Any = None,
-    pace: float = 1.0,
+    tab: Any, rng: random.Random, *, duration_s: float | None = None, onset_s: float | None = None, hand: Any = None
 ) -> dict[str, Any]:
     """Lifts to where the page asks, as people do: by minimum jerk, in a time of their own. Gives the lift as the page kept it."""
     settled(tab)
     taken = tab.evaluate("comanip.takes.length")
-    x, y = handle(tab)
-    goal = tab.evaluate(
-        "(() => { const s = comanip.session, a = comanip.scene.at(s.here(), 1), b = comanip.scene.at(s.setup.goal, 1); return [b[0] - a[0], b[1] - a[1]] })()"
-    )
-    duration, onset = duration_s or rng.uniform(1.6, 3.5), onset_s or rng.uniform(0.6, 1.6)
-    hand = hand or Mouse(tab)
-    hand.down(x, y)
-    begun = time.monotonic()
-    while tab.evaluate("comanip.session.phase") == "runs" and time.monotonic() - begun < 30.0:
-        share = minimum_jerk((pace * (time.monotonic() - begun) - onset) / duration)
-        hand.move(x + goal[0] * share + rng.gauss(0.0, 0.4), y + goal[1] * share + rng.gauss(0.0, 0.4))
-        time.sleep(0.012)
-    hand.up()
+    leads(tab, rng, duration_s=duration_s, onset_s=onset_s, hand=hand)
     return _taken(tab, taken)
+
+
+WAY = """(() => { const { session, scene } = comanip, { goal, guide } = session.setup, here = session.here(), depth = scene.depth;
+  const rows = guide ?? [here.map(() => 0), goal], from = scene.at(here.map(() => 0), 1), deep = row => (depth < 0 ? 0 : row[depth]);
+  return { guided: guide !== null, rows: rows.map(row => { const at = scene.at(row, 1); return [at[0] - from[0], at[1] - from[1], deep(row)] }) } })()"""
+
+
+def leads(
+    tab: Any, rng: random.Random, *, duration_s: float | None = None, onset_s: float | None = None, hand: Any = None
+) -> None:
+    """To the goal by minimum jerk, or along the way that the page shows, in the time that lessons took; the third axis by wheel."""
+    way = tab.evaluate(WAY)
+    rows, taught_s = way["rows"], tab.evaluate("comanip.guideS()")
+    duration = duration_s or (taught_s * rng.uniform(0.9, 1.4) if way["guided"] else rng.uniform(1.6, 3.5))
+    onset, deep = onset_s or rng.uniform(0.6, 1.6), 0.0
+    hand, (x, y) = hand or Mouse(tab), handle(tab)
+    hand.down(x, y)
+    begun, phase = now(tab), "runs"
+    while phase == "runs" and now(tab) - begun < 45.0:
+        s = (now(tab) - begun - onset) / duration
+        place = min(max(s, 0.0), 1.0) * (len(rows) - 1) if way["guided"] else minimum_jerk(s)
+        n = min(int(place), len(rows) - 2)
+        dx, dy, wanted = (a + (place - n) * (b - a) for a, b in zip(rows[n], rows[n + 1], strict=True))
+        hand.move(x + dx + rng.gauss(0.0, 0.4), y + dy + rng.gauss(0.0, 0.4))
+        if abs(wanted - deep) > 0.004:
+            tab.mouse.wheel(0.0, (deep - wanted) / 0.0002)
+            deep = wanted
+        phase, *_ = wait(tab, STEP_S)
+    hand.up()
 
 
 def follow(tab: Any, rng: random.Random, *, delay_s: float | None = None, hand: Any = None) -> dict[str, Any]:
-    """Holds on and goes along: the eye is late by what people are late, and foresees most of a motion that goes on (pursuit)."""
+    """Holds on and goes along with a robot that leads. Gives the lift as the page kept it."""
     settled(tab)
     taken = tab.evaluate("comanip.takes.length")
-    x, y = handle(tab)
-    delay = delay_s or rng.uniform(0.10, 0.25)
-    hand = hand or Mouse(tab)
-    hand.down(x, y)
-    begun, seen = time.monotonic(), [(time.monotonic(), x, y)]
-    while tab.evaluate("comanip.session.phase") == "runs" and time.monotonic() - begun < 30.0:
-        seen.append((time.monotonic(), *handle(tab)))
-        now = time.monotonic()
-        while len(seen) > 2 and seen[2][0] < now - delay:
-            seen.pop(0)
-        (before, *was), (then, *there) = seen[0], seen[min(1, len(seen) - 1)]
-        ahead = FORESEEN * (now - then) / max(then - before, 0.02)
-        place = [at + ahead * (at - old) for at, old in zip(there, was, strict=True)]
-        hand.move(place[0] + rng.gauss(0.0, 0.4), place[1] + rng.gauss(0.0, 0.4))
-        time.sleep(0.01)
-    hand.up()
+    follows(tab, rng, delay_s=delay_s, hand=hand)
     return _taken(tab, taken)
 
 
+def follows(tab: Any, rng: random.Random, *, delay_s: float | None = None, hand: Any = None) -> None:
+    """The eye is late by what people are late, and foresees most of a motion that goes on (pursuit)."""
+    delay = delay_s or rng.uniform(0.10, 0.25)
+    hand, (x, y) = hand or Mouse(tab), handle(tab)
+    hand.down(x, y)
+    begun, phase, seen = now(tab), "runs", [(now(tab), x, y)]
+    while phase == "runs" and now(tab) - begun < 45.0:
+        phase, *at = wait(tab, STEP_S)
+        seen.append((now(tab), *at))
+        while len(seen) > 2 and seen[2][0] < now(tab) - delay:
+            seen.pop(0)
+        (before, *was), (then, *there) = seen[0], seen[min(1, len(seen) - 1)]
+        ahead = FORESEEN * (now(tab) - then) / max(then - before, 0.02)
+        place = [one + ahead * (one - old) for one, old in zip(there, was, strict=True)]
+        hand.move(place[0] + rng.gauss(0.0, 0.4), place[1] + rng.gauss(0.0, 0.4))
+    hand.up()
+
+
+def teach(tab: Any, role: str, count: int, rng: random.Random) -> int:
+    """`count` lessons of a role, on the tab for teaching; how many tries it took."""
+    tab.click("#tab-teach")
+    tab.click(f"#teach [data-role={role}]")
+    done = f"comanip.teach.lessons.filter(one => one.role === '{role}').length"
+    for tries in range(1, 3 * count + 1):
+        settled(tab)
+        (follows if role == "leader" else leads)(tab, rng)
+        until(tab, "comanip.session.phase !== 'runs'")
+        if tab.evaluate(done) >= count:
+            return tries
+    raise AssertionError(f"{tab.evaluate(done)} lessons as {role} in {3 * count} tries")
+
+
 def _taken(tab: Any, before: int) -> dict[str, Any]:
-    until = time.monotonic() + 12.0
-    while tab.evaluate("comanip.takes.length") == before and time.monotonic() < until:
-        time.sleep(0.05)
-    assert tab.evaluate("comanip.takes.length") == before + 1, tab.evaluate("comanip.session.phase")
+    until(tab, f"comanip.takes.length === {before + 1}", 12.0)
     found: dict[str, Any] = tab.evaluate(
         "(() => { const t = comanip.takes[comanip.takes.length - 1]; return {verdict: t.verdict, role: t.role, goal: t.goal, take: t.take} })()"
     )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from comanip.evaluation.metrics import effort
-from comanip.formats import read
+from comanip.formats import read, write
 from comanip.formats.cdr import SCHEMAS
 from comanip.interaction import gravity_along
 from comanip.learned import file as skill_file
@@ -17,8 +18,10 @@ from comanip.learned.learn import learn
 from comanip.learned.skill import LearnedSkill
 from comanip.lessons.demonstration import demonstrations
 from comanip.page.numbers import constants, numbers, robot
+from comanip.recording import Channel, Recording
 from comanip.signals.filters import smooth
 from comanip.tasks import named
+from comanip.teaching import teach
 from comanip.trials.cases import draw_case
 from comanip.trials.judging import judge
 from comanip.whole_file import digest
@@ -67,7 +70,7 @@ def test_lessons_kept_as_csv_and_mcap_are_equal_and_are_learned_from(tmp_path: P
       fs.writeFileSync(`${given.folder}/${seed}.mcap`, recordingMcap(given.task, kept, about));
     }
     """  # fmt: skip
-    modules = {"engine": "Engine, World", "session": "KEPT", "files": "recordingCsv", "mcap": "recordingMcap"}
+    modules = {"engine": "Engine, World", "session": "KEPT", "recordings": "recordingCsv", "mcap": "recordingMcap"}
     ran(tmp_path, script, modules=modules, task=TASK, world=WORLD, rises=0.3)
     lessons = []
     for seed in range(1, 6):
@@ -120,6 +123,90 @@ def test_the_page_judges_as_the_judge_does(skills: dict[str, LearnedSkill], tmp_
         assert found[ours] == pytest.approx(abs(getattr(expected, name)), rel=1e-6, abs=1e-9), ours
     assert found["effort_n2s"] == pytest.approx(effort(smooth(recording["hand.true_force"].values, DT, 15.0), DT), rel=1e-9)
     assert (not found["failures"]) == expected.success
+
+
+OPEN = """
+const said = [];
+for (const name of given.files) {
+  const bytes = new Uint8Array(fs.readFileSync(`${given.folder}/${name}`));
+  try {
+    const recording = name.endsWith(".mcap") ? readMcap(bytes) : readCsv(new TextDecoder().decode(bytes)), lesson = lessonOf(recording, given.task);
+    const cut = within(recording, lesson.time[20], lesson.time[119]);
+    fs.writeFileSync(`${given.folder}/again-${name}.csv`, csvOf(recording));
+    fs.writeFileSync(`${given.folder}/again-${name}.mcap`, mcapOf(recording, given.task.schemas));
+    fs.writeFileSync(`${given.folder}/cut-${name}.csv`, csvOf(cut));
+    said.push(["taken", lesson.role, lesson.take.position.length, lesson.take.dt]);
+  } catch (error) { said.push([error.constructor.name, error.message]); }
+}
+answer(said);
+"""
+OPENS = {"recordings": "csvOf, lessonOf, readCsv, within", "mcap": "mcapOf, readMcap"}
+
+
+def test_lessons_of_comanip_are_opened_trimmed_and_kept_with_nothing_lost(tmp_path: Path) -> None:
+    recording = teach("leader", 1, rng=np.random.default_rng(3))[0].with_metadata(note="<img src=x onerror=alert(1)> ä\u2028")
+    slow = recording["hand.position"]
+    mixed = Recording(
+        {**recording.channels, 'camera, "x"': Channel(slow.time[::7], slow.values[::7], "m", "room", slow.axes)},
+        recording.metadata,
+    )
+    write(mixed, tmp_path / "one.csv")
+    found = ran(tmp_path, OPEN, modules=OPENS, task=TASK, files=["one.csv"])
+    assert found[0][:3] == ["taken", "leader", len(slow.time)]
+    for again in ("again-one.csv.csv", "again-one.csv.mcap"):
+        (same,) = read(tmp_path / again)
+        assert same.metadata["note"] == recording.metadata["note"]
+        assert set(same.channels) == set(mixed.channels)
+        for name, channel in mixed.channels.items():
+            np.testing.assert_allclose(same[name].values, channel.values, rtol=0.0, atol=0.0)
+            np.testing.assert_allclose(same[name].time, channel.time, rtol=0.0, atol=1e-9)
+            assert (same[name].unit, same[name].frame, same[name].axes) == (channel.unit, channel.frame, channel.axes)
+    (cut,) = read(tmp_path / "cut-one.csv.csv")
+    assert cut["hand.position"].time.tolist() == slow.time[20:120].tolist()
+    found = ran(tmp_path, OPEN, modules=OPENS, task=TASK, files=["again-one.csv.mcap"])
+    assert found[0][:3] == ["taken", "leader", len(slow.time)]
+
+
+def test_what_is_no_lesson_is_one_clear_line(tmp_path: Path) -> None:
+    recording = teach("leader", 1, rng=np.random.default_rng(3))[0]
+    write(recording, tmp_path / "fine.csv")
+    write(recording, tmp_path / "packed.mcap")
+    fine, packed, nasty = (
+        (tmp_path / "fine.csv").read_text(),
+        (tmp_path / "packed.mcap").read_bytes(),
+        "<img src=x onerror=alert(1)>",
+    )
+    unsigned = "\n".join([line for n, line in enumerate(fine.split("\n")) if n != 1])
+    place = recording["hand.position"]
+    write(
+        Recording({**recording.channels, "hand.position": Channel(place.time, place.values * 1e3, "mm", "task", place.axes)}, {}),
+        tmp_path / "mm.csv",
+    )
+    write(Recording({"hand.position": place}, {}), tmp_path / "bare.csv")
+    wrong: dict[str, tuple[bytes, str]] = {
+        "table.csv": (f"time,{nasty}\n0,1\n".encode(), "no recording of comanip"),
+        "digit.csv": (fine.replace("0.85", "0.86", 1).encode(), "checksum"),
+        "head.csv": (unsigned.replace('"channels"', nasty, 1).encode(), "damaged comanip header"),
+        "cell.csv": (unsigned.replace("\n0.001,", f"\n{nasty},", 1).encode(), "is not a number"),
+        "cut.csv": (unsigned[: len(unsigned) // 2].encode(), "cells, want"),
+        "proto.csv": (unsigned.replace('"metadata": {', '"metadata": {"__proto__": {"polluted": 1}, ', 1).encode(), ""),
+        "mm.csv": ((tmp_path / "mm.csv").read_bytes(), "want m"),
+        "bare.csv": ((tmp_path / "bare.csv").read_bytes(), "no force"),
+        "packed.mcap": (packed, "convert"),
+        "cut.mcap": (packed[:900], "cut short|convert"),
+        "none.mcap": (nasty.encode() * 9, "no MCAP"),
+    }  # fmt: skip
+    for name, (content, _) in wrong.items():
+        (tmp_path / name).write_bytes(content)
+    found = ran(tmp_path, OPEN, modules=OPENS, task=TASK, files=list(wrong))
+    for (name, (_, says)), (kind, *rest) in zip(wrong.items(), found, strict=True):
+        if not says:
+            assert kind == "taken", (name, rest)
+            continue
+        assert kind == "Error", (name, kind, rest)
+        assert re.search(says, rest[0]), (name, rest)
+        assert "\n" not in rest[0], name
+        assert len(rest[0]) < 300, name
 
 
 def damaged(good: dict) -> dict[str, str]:

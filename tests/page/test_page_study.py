@@ -138,10 +138,15 @@ def test_every_trial_is_a_recording_that_can_be_kept(tmp_path: Path) -> None:
     assert len(list(recordings(read_person(file)))) == 12
 
 
-def test_orders_of_seeds_that_follow_each_other_run_through_all_of_them(tmp_path: Path) -> None:
-    found = ran(tmp_path, "answer(Array.from({ length: 12 }, (_, seed) => orderOf(seed, 3)));", modules={"study": "orderOf"})
-    assert {tuple(order) for order in found[:6]} == set(permutations(range(3)))
-    assert found[:6] == found[6:]
+def test_orders_of_numbers_that_follow_each_other_are_balanced_and_run_through_all_of_them(tmp_path: Path) -> None:
+    script = "answer([3, 4].map(count => Array.from({ length: 48 }, (_, seed) => orderOf(seed, count))));"
+    for orders, count in zip(ran(tmp_path, script, modules={"study": "orderOf"}), (3, 4), strict=True):
+        all_orders = set(permutations(range(count)))
+        assert {tuple(order) for order in orders[: len(all_orders)]} == all_orders
+        assert orders[: 48 - len(all_orders)] == orders[len(all_orders) :]
+        for n in range(0, 48, count):
+            places = np.array(orders[n : n + count])
+            assert all(sorted(places[:, k]) == list(range(count)) for k in range(count)), places
 
 
 def test_the_command_line_makes_a_page_and_says_what_it_cannot(

@@ -85,6 +85,94 @@ def test_whatever_the_two_say_no_tick_changes_the_velocity_by_more_than_the_boun
     assert np.linalg.norm(np.diff(sent, axis=0, prepend=0.0), axis=1).max() <= 4.0 * DT * (1 + 1e-9)
 
 
+class Wild(Says):
+    """Sometimes NaN, sometimes infinite, of another shape, late, raising, or spoiling what it was shown; else anything."""
+
+    FAULTS = ("nan", "inf", "shape", "list", "raises", "late", "spoils", "says")
+
+    def __init__(self, rng, clock, often):
+        self.rng, self.clock, self.often, self.kinds = rng, clock, often, set()
+
+    def step(self, obs, command):
+        assert np.isfinite(obs.position).all(), "what the other has written into its observation is seen"
+        command.velocity = self.rng.uniform(-0.6, 0.6, 2)
+        command.position, command.acceleration = obs.position.copy(), np.zeros(2)
+        fault = self.FAULTS[int(self.rng.integers(len(self.FAULTS)))] if self.rng.uniform() < self.often else ""
+        self.kinds.add(fault)
+        if fault in ("nan", "inf"):
+            command.velocity[0] = float(fault)
+        elif fault == "shape":
+            command.velocity = np.zeros(3)
+        elif fault == "list":
+            command.velocity = [0.1, 0.2]
+        elif fault == "raises":
+            raise KeyError("boom")
+        elif fault == "late":
+            self.clock[0] += 0.5
+        elif fault == "spoils":
+            obs.position[:] = obs.force[:] = np.nan
+            obs.velocity = None
+
+    @property
+    def notice(self):
+        if self.rng.uniform() < 0.05:
+            raise RuntimeError("notice")
+        return ""
+
+    @property
+    def stop_reason(self):
+        raise RuntimeError("stop_reason")
+
+    @property
+    def diagnostics(self):
+        raise RuntimeError("diagnostics")
+
+
+@pytest.mark.parametrize(("often", "most"), [(0.05, 1000), (0.5, 10_000), (1.0, 1000)])
+def test_ten_thousand_takeovers_between_two_that_fail_at_random_stay_within_the_bound_and_nothing_raises(often, most):
+    rng, clock = np.random.default_rng(int(100 * often)), [0.0]
+    parts = [Wild(np.random.default_rng(n), clock, often) for n in range(2)]
+    arbiter = Arbiter(*parts, axes=AXES, dt=DT, longest_s=0.01, clock=lambda: clock[0])
+    arbiter.reset(still())
+    obs, command, last, who, takeovers = still(), Command(2), np.zeros(2), "a", 0
+    while takeovers < most:
+        arbiter.request("ab"[int(rng.integers(2))])
+        joined = arbiter.joined
+        obs.time = rng.choice([obs.time, obs.time + DT, obs.time + 0.3, np.nan])  # late, repeated and missing ticks, too
+        arbiter.step(obs, command)
+        took = arbiter.commander != who
+        takeovers, who = takeovers + took, arbiter.commander
+        change = float(np.linalg.norm(command.velocity - last))
+        assert np.isfinite([command.velocity, command.position, command.acceleration]).all()
+        assert change <= (2.0 if took or not joined else 10.0) * DT * (1.0 + 1e-9)
+        last = command.velocity.copy()
+        assert isinstance(arbiter.notice, str)
+        assert arbiter.stop_reason == ""
+        assert all(name.startswith("arbiter.") for name in arbiter.diagnostics)
+        assert np.isfinite(obs.position).all()
+    assert often < 0.5 or set(Wild.FAULTS) <= parts[0].kinds | parts[1].kinds
+
+
+def test_one_that_is_late_loses_the_command_until_it_is_in_time_again():
+    clock = [0.0]
+
+    def slow(n):
+        clock[0] += 0.02 if 50 <= n < 100 else 0.004
+        return 0.3, 0.0
+
+    arbiter = Arbiter(Says(slow), Says(lambda n: (-0.1, 0.0)), axes=AXES, dt=DT, longest_s=DT, clock=lambda: clock[0])
+    arbiter.reset(still())
+    said = []
+    sent = stepped(arbiter, 160, meanwhile=lambda k: said.append(arbiter.notice))
+    assert sent[48].tolist() == [0.3, 0.0]
+    assert sent[98].tolist() == [-0.1, 0.0]
+    assert sent[-1].tolist() == [0.3, 0.0]
+    assert said[60] == "a: its step took 0.02 s; allowed: 0.01 s"
+    assert said[-1] == ""
+    with pytest.raises(ParameterError, match="longest_s is 0"):
+        Arbiter(Says(None), Says(None), axes=AXES, dt=DT, longest_s=0.0)
+
+
 def test_a_command_passes_to_the_bit_once_it_is_reached():
     arbiter = Arbiter(Says(lambda n: (0.1 * np.sin(0.05 * n), 0.3)), Says(lambda n: (0.0, 0.0)), axes=AXES, dt=DT)
     arbiter.reset(still())

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ParameterError, plain
-from ..trials.board import Entry, Row, entries, gathered
+from ..trials.board import Entry, Row, entries, gathered, grid, why_not
 from ..whole_file import write_whole
 from .console import print_json
 from .outputs import may_write
@@ -47,7 +47,7 @@ def board(folder: Path, out: Path | None, overwrite: bool, json: bool) -> None:
     if json:
         print_json({"entries": [_told(one) for one in ranked], "rows": [_row_told(row) for row in rows]})
         return
-    tables = ((RANKED, _ranked(ranked)), (ROWS, _rows(rows)))
+    tables = ((RANKED, _ranked(ranked)), _grid(rows), (ROWS, _rows(rows)))
     text = _html(tables) if out is not None and out.suffix.lower() == ".html" else _markdown(tables)
     if out is None:
         print(text)
@@ -87,6 +87,23 @@ def _ranked(ranked: Sequence[Entry]) -> list[list[str]]:
 def _tried(one: Entry) -> str:
     tasks = dict.fromkeys(row.task for row in one.rows)
     return f"{len(tasks)} tasks x {len(one.roles)} roles"
+
+
+def _grid(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+    """Success of each law in each task and role, with its interval; a dash says why there is none."""
+    cells, by_law = grid(rows)
+    lines = [
+        [law, *(_cell(row, why_not(law, role)) for row, (_, role) in zip(found, cells, strict=True))]
+        for law, found in by_law.items()
+    ]
+    return ["success %", *(f"{task}, {role}" for task, role in cells)], lines
+
+
+def _cell(row: Row | None, why: str) -> str:
+    if row is None:
+        return f"- ({why})"
+    low, high = row.interval
+    return f"{100 * row.score:.0f} ({100 * low:.0f}-{100 * high:.0f})"
 
 
 def _rows(rows: Sequence[Row]) -> list[list[str]]:

@@ -27,7 +27,7 @@ class Numbers:
 
     laws     leading (or the only one), following
     tables   rows of all goals: path, velocity, force, way, gain; goals (G, 6)
-    plans    of a follower: table, way, heading, grid, prior; empty where nothing is foreseen
+    plans    of who may follow: table, way, heading, grid, prior; empty where nothing is foreseen
     filter   origin, factors, centres, peak, initial, chain
     """
 
@@ -68,7 +68,8 @@ def numbers_of(controller: Controller) -> Numbers:
     pace, where, watch, dt = skill._pace, skill._where, skill._watch, controller.dt
     told = -1 if skill._told is None else int(skill._told)
     follows = pace.law if alone else skill._laws[0]
-    plans, alike, keep = _plans(skill) if alone and skill.role == "follower" else ((), 1, 0.0)
+    foresees = skill._foresight is not None and not (alone and skill.role == "leader")
+    plans, alike, keep = _plans(skill) if foresees else ((), 1, 0.0)
     limits, rules, sizes = _envelope(envelope)
     weighing, late = _weighing(controller)
     return Numbers(
@@ -103,7 +104,7 @@ def _law(law: CollaborativeLaw) -> Array:
     return layouts.packed("law", asdict(law))
 
 
-def _plans(skill: CollaborativeSkill) -> tuple[tuple[Array, ...], int, float]:
+def _plans(skill: Any) -> tuple[tuple[Array, ...], int, float]:
     seen = skill._foresight
     tables, ways = (np.concatenate([getattr(one, name) for one in seen.plans]) for name in ("table", "way"))
     return (tables, ways, np.array([one.heading for one in seen.plans]), GRID, PRIOR), len(PACES) * len(LATE_S), seen._keep

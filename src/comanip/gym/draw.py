@@ -13,6 +13,7 @@ from ..people.kinds import FOLLOWING, GROUPS, LEADING, kind_of, names_of
 from ..tasks import Task
 from ..trials.cases import ROLES, TASK, Case
 from ..trials.people import USUAL, draw_people
+from .asked import number, whole
 
 MISBEHAVING = 0.2  # share of the usual people who do, as in `comanip trial`
 
@@ -48,6 +49,8 @@ def trial_cases(
 
     Each is an episode: `env.reset(options={"case": case})`.
     """
+    partners, seed = whole("partners", partners, 1), whole("seed", seed, 0)
+    misbehaving = number("misbehaving", misbehaving, "a share of the partners, 0 to 1", 0.0, 1.0)
     return [
         case
         for kind in kinds(people, role)

@@ -8,8 +8,8 @@ import numpy as np
 
 from ..errors import ParameterError
 from ..interfaces import Array
-from ..trials.cases import Case
 from ..trials.sight import Seen, checked
+from .asked import asked_case, asked_render, asked_seed, check_case, check_drawn, whole
 from .draw import next_case
 from .episode import Episode, Parts, Setting
 from .needing import needed
@@ -45,17 +45,19 @@ class CarryEnv(gymnasium.Env):  # type: ignore[name-defined]
         most_ticks: int | None = None,
         **setting: Any,
     ) -> None:
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ParameterError(f"render_mode is {render_mode!r}; allowed: rgb_array, or None")
         self.setting = Setting.of(task, role, people, plant=plant, **setting)
-        self.render_mode, self.most_ticks, self._learned = render_mode, most_ticks, self.setting.learned()
+        self.render_mode = asked_render(render_mode)
+        self.most_ticks = None if most_ticks is None else whole("most_ticks", most_ticks, 1)
+        self._learned = self.setting.learned()
         self.observation_space, self.action_space = spaces(self.setting.seen)
         self.episode: Episode | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """The next partner, drawn; or `options={"case": case}`, that one (`comanip.gym.trial_cases`)."""
-        super().reset(seed=seed)
         case = asked_case(options)
+        if case is not None:
+            check_case(case, self.setting)
+        super().reset(seed=asked_seed(seed))
         if case is None:
             one = self.setting
             case = next_case(one.role, one.people, self.np_random, task=one.task, misbehaving=one.misbehaving)
@@ -71,10 +73,10 @@ class CarryEnv(gymnasium.Env):  # type: ignore[name-defined]
         cut = not episode.over and self.most_ticks is not None and episode.ticks >= self.most_ticks
         return episode.seen.copy(), sum(parts), episode.over, cut, said(episode, parts)
 
-    def render(self) -> np.ndarray | None:
-        """(H, W, 3) bytes of the scene from the side."""
-        if self.render_mode is None or self.episode is None:
-            return None
+    def render(self) -> np.ndarray:
+        """(H, W, 3) bytes of the scene from the side. ParameterError where no picture was asked for, or nothing has begun."""
+        check_drawn(self.render_mode, self.episode)
+        assert self.episode is not None
         return picture(self.episode)
 
 
@@ -84,13 +86,6 @@ def spaces(seen: Seen) -> tuple[Any, Any]:
     most = np.tile(np.repeat([PLACE_M, SPEED_M_PER_S, FORCE_N], d), seen.history)
     most = np.concatenate([most, np.full(d * seen.goal, PLACE_M)])
     return box(-most, most, dtype=np.float64), box(-seen.most, seen.most, (d,), dtype=np.float32)
-
-
-def asked_case(options: dict[str, Any] | None) -> Case | None:
-    """The one of `options`, the only thing there is to ask."""
-    if stray := sorted(set(options or {}) - {"case"}):
-        raise ParameterError(f"options has {stray[0]!r}; allowed: case, a trials.Case")
-    return (options or {}).get("case")
 
 
 def about(episode: Episode) -> dict[str, Any]:

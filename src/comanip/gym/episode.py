@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import ParameterError
 from ..interfaces import Array, Partner, Skill
 from ..learned.skill import LearnedSkill
 from ..loop import Stepper
+from ..parts import PLANTS, known
 from ..people.kinds import kind_of
 from ..recording import Recording
 from ..reproduction import enveloped
@@ -34,6 +34,7 @@ from ..trials.people import USUAL, criteria_of, judged, person_of
 from ..trials.running import clearance, estimator_for, plant_for, told_goal
 from ..trials.sight import Seen, Sight, Told
 from ..trials.taught import kept
+from .asked import check_case, settings
 from .draw import MISBEHAVING, kinds
 
 EFFORT_N, ROUGH_M_PER_S2 = 5.0, 2.0  # at which a part costs 1 a second
@@ -72,10 +73,11 @@ class Setting:
     def of(cls, task: Any = TASK, role: str = "follower", people: Any = USUAL, **more: Any) -> Setting:
         """From what somebody types. Raises ParameterError that lists what there is."""
         what = named(task).in_arcs().runnable()
+        known("plant", more.get("plant", "beam"), PLANTS)
         by_kind = people not in (USUAL, (USUAL,), [USUAL])
-        made = cls(task=what, role=role, people=kinds(people, role), by_kind=by_kind, **more)
-        if not 0.0 <= made.misbehaving <= 1.0:
-            raise ParameterError(f"misbehaving is a share of the partners, 0 to 1; got {made.misbehaving!r}")
+        asked = settings(cls, more, ("task", "role", "people", "by_kind"))
+        made = cls(task=what, role=role, people=kinds(people, role), by_kind=by_kind, **asked)
+        assert made.seen
         return made
 
     @property
@@ -259,12 +261,3 @@ class Episode:
 def least(value: float, most: float) -> float:
     """`value`, at most `most`; NaN is the most."""
     return value if value < most else most
-
-
-def check_case(case: Any, setting: Setting) -> None:
-    """ParameterError unless the case is of this environment's task and role."""
-    if not isinstance(case, Case):
-        raise ParameterError(f"case is {type(case).__name__}; allowed: a trials.Case, for example of comanip.gym.trial_cases")
-    for name, has, wanted in (("role", case.role, setting.role), ("task", case.task.name, setting.task.name)):
-        if has != wanted:
-            raise ParameterError(f"the case's {name} is {has!r}; this environment's is {wanted!r}")

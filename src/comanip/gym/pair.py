@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import ParameterError
 from ..interfaces import STANDARD_GRAVITY, Array, Observation
+from ..parts import known
 from ..people.robot import Gripper, RobotPartner
 from ..trials.cases import Case
 from ..trials.judging import MOVED_M
 from ..trials.running import estimator_for
 from ..trials.sight import Seen, Sight, Told, checked
+from .asked import asked_case, asked_render, asked_seed, check_case, check_drawn, given
 from .draw import next_case
-from .env import CarryEnv, asked_case, said, spaces
+from .env import CarryEnv, said, spaces
 from .episode import Episode, Setting
 from .needing import needed
 from .render import picture
@@ -65,12 +68,10 @@ class CarryPair(pettingzoo.ParallelEnv):  # type: ignore[name-defined]
     ) -> None:
         if stray := sorted(set(setting) & {"people", "misbehaving", "by_kind"}):
             raise ParameterError(f"{stray[0]} goes with people; here the partner is an agent")
-        if render_mode not in (None, "rgb_array"):
-            raise ParameterError(f"render_mode is {render_mode!r}; allowed: rgb_array, or None")
         self.setting = Setting.of(task, role, plant=plant, misbehaving=0.0, **setting)
         own = self.setting.seen
         self.seen = Seen(own.n_axes, own.history, True, own.action)
-        self.render_mode, self._learned = render_mode, self.setting.learned()
+        self.render_mode, self._learned = asked_render(render_mode), self.setting.learned()
         self.possible_agents = [ROBOT, PARTNER]
         self.agents: list[str] = []
         one = dict(zip(("observation", "action"), spaces(self.seen), strict=True))
@@ -80,17 +81,20 @@ class CarryPair(pettingzoo.ParallelEnv):  # type: ignore[name-defined]
         self.episode: Episode | None = None
 
     def observation_space(self, agent: str) -> Any:
-        return self.observation_spaces[agent]
+        return known("agent", agent, self.observation_spaces)
 
     def action_space(self, agent: str) -> Any:
-        return self.action_spaces[agent]
+        return known("agent", agent, self.action_spaces)
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[dict[str, Array], dict[str, Any]]:
+        one, seed = self.setting, asked_seed(seed)
+        others = isinstance(options, Mapping) and "case" not in options  # PettingZoo's checker gives some
+        case = asked_case(None if others else options)
+        if case is not None:
+            check_case(case, one)
         if seed is not None:
             self._rng = np.random.default_rng(seed)
-        one = self.setting
-        known = {"case": options["case"]} if options and "case" in options else None  # PettingZoo's checker gives others, too
-        case = asked_case(known) or next_case(one.role, one.people, self._rng, task=one.task, misbehaving=0.0)
+        case = case or next_case(one.role, one.people, self._rng, task=one.task, misbehaving=0.0)
         self._end, person = self._partner(case)
         self.episode = Episode(one, case, self._learned, partner=person)
         self._sight = Sight(self.seen, np.zeros(self.seen.n_axes) if case.leads else self.episode.taught_end())
@@ -117,6 +121,10 @@ class CarryPair(pettingzoo.ParallelEnv):  # type: ignore[name-defined]
         episode = self.episode
         if episode is None or not self.agents:
             raise ParameterError("the episode is over, or never began: call reset()")
+        if not isinstance(actions, Mapping):
+            raise ParameterError(f"actions are {given(actions)}; allowed: {{agent: action}} of {', '.join(self.agents)}")
+        for agent in actions:
+            known("agent", agent, self.action_spaces)
         if missing := [agent for agent in self.agents if agent not in actions]:
             raise ParameterError(f"no action for agent {missing[0]!r}; allowed: one for each of {', '.join(self.agents)}")
         told = {agent: checked(actions[agent], self.seen) for agent in self.agents}
@@ -138,8 +146,11 @@ class CarryPair(pettingzoo.ParallelEnv):  # type: ignore[name-defined]
     def _observed(self) -> dict[str, Array]:
         return {ROBOT: self._sight.values.copy(), PARTNER: self._end.sight.values.copy()}
 
-    def render(self) -> np.ndarray | None:
-        return None if self.render_mode is None or self.episode is None else picture(self.episode)
+    def render(self) -> np.ndarray:
+        """As `CarryEnv`'s."""
+        check_drawn(self.render_mode, self.episode)
+        assert self.episode is not None
+        return picture(self.episode)
 
     def close(self) -> None:
         """Nothing is held open."""

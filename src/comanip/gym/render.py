@@ -8,13 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..interfaces import Array
+from ..tasks import Task
+from ..tasks.value import LENGTH
 
 if TYPE_CHECKING:
     from .episode import Episode
 
 HEIGHT, WIDTH = 240, 400
-PIXELS_PER_M = 220.0
+LEFT, BELOW, PIXELS_PER_M = 60.0, 70.0, 200.0  # where a run begins; a table of 0.8 m then stays in it over 0.8 m
 PIXELS_PER_N = 4.0
+SLANT = 0.5, 0.35  # right and up in the picture, of what is level and across the object
 PAPER, BEAM, MEANT = (250, 249, 246), (120, 96, 70), (190, 190, 190)
 ROBOT, PERSON, FORCE = (38, 84, 124), (214, 120, 46), (180, 40, 40)
 MODES = {"RUN": (60, 150, 80), "COMPLY": (220, 170, 40), "HOLD": (190, 50, 50)}
@@ -27,39 +30,51 @@ _ROWS, _COLUMNS = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
 def picture(episode: Episode) -> Picture:
     """(240, 400, 3): the robot's hand left, the partner's right, the object between them.
 
-    Grey is where the hand is meant to be, red the partner's force on the robot's hand, and a corner the envelope's mode.
+    What is level and across the object goes slantwise into the picture, an angle turns the spoke of both hands. Grey is where the
+    hand is meant to be, red the partner's force on the robot's hand, and a corner the envelope's mode.
     """
     image = np.empty((HEIGHT, WIDTH, 3), dtype=np.uint8)
     image[:] = PAPER
-    across, up = _shown_axes(episode)
-    start, obs, plant = episode.case.start_m, episode.loop.obs, episode.loop.plant
-    length = episode.case.task.carried.length_m
+    task, start, plant = episode.case.task, episode.case.start_m, episode.loop.plant
+    shown, turned = projection(task)
+    place, length = episode.loop.obs.position - start, task.carried.length_m
 
-    def at(place: Array, along_m: float) -> Place:
-        moved = place - start
-        sideways = moved[across] if across is not None else 0.0
-        return 90.0 + PIXELS_PER_M * (along_m + sideways), HEIGHT - 70.0 - PIXELS_PER_M * float(moved[up])
+    def at(moved: Array, along_m: float) -> Place:
+        right, up = (shown @ moved).tolist()
+        return LEFT + PIXELS_PER_M * (along_m + right), HEIGHT - BELOW - PIXELS_PER_M * up
 
-    hand, far = at(obs.position, 0.0), at(plant.channels["partner.position"][0], length)
-    meant = np.array(episode.meant[min(episode.ticks, len(episode.meant) - 1)])
-    _disc(image, at(meant, 0.0), 9.0, MEANT)
+    far_end = plant.channels["partner.position"][0] - start
+    hand, far = at(place, 0.0), at(far_end, length)
+    meant = np.array(episode.meant[min(episode.ticks, len(episode.meant) - 1)]) - start
+    _disc(image, at(meant, 0.0), 13.0, MEANT)
     _line(image, hand, far, 5.0, BEAM)
-    _disc(image, hand, 10.0, ROBOT)
-    _disc(image, far, 10.0, PERSON)
-    force = plant.channels["hand.true_force"][0]
-    tip = hand[0] + PIXELS_PER_N * (force[across] if across is not None else 0.0), hand[1] - PIXELS_PER_N * float(force[up])
-    _line(image, hand, tip, 2.5, FORCE)
+    for middle, colour, moved in ((hand, ROBOT, place), (far, PERSON, far_end)):
+        _disc(image, middle, 10.0, colour)
+        if turned.any():
+            _spoke(image, middle, float(turned @ moved))
+    right, up = (shown @ plant.channels["hand.true_force"][0]).tolist()
+    _line(image, hand, (hand[0] + PIXELS_PER_N * right, hand[1] - PIXELS_PER_N * up), 2.5, FORCE)
     if episode.setting.envelope:
         image[6:18, 6:18] = MODES[episode.mode]
     return image
 
 
-def _shown_axes(episode: Episode) -> tuple[int | None, int]:
-    """Columns of the axis drawn sideways (None: there is none), and of the one drawn upwards, the steepest."""
-    axes = episode.case.task.axes_
-    up = int(np.argmax([abs(axis.up) for axis in axes]))
-    others = [i for i in range(len(axes)) if i != up]
-    return (others[0] if others else None), up
+def projection(task: Task) -> tuple[Array, Array]:
+    """(2, d) metres to the right and up in the picture per metre of each axis, and (d,) radians a metre of what turns."""
+    shown, turned = np.zeros((2, len(task.axes_))), np.zeros(len(task.axes_))
+    for i, axis in enumerate(task.axes_):
+        if axis.kind != LENGTH:
+            turned[i] = 1.0 / axis.lever_m
+            continue
+        level = max(1.0 - axis.up**2, 0.0) ** 0.5
+        shown[:, i] = level * np.array((1.0, 0.0) if axis.name == task.carried.along else SLANT)
+        shown[1, i] += axis.up
+    return shown, turned
+
+
+def _spoke(image: Picture, middle: Place, angle: float) -> None:
+    """From a hand's middle outwards, up where nothing is turned."""
+    _line(image, middle, (middle[0] + 22.0 * float(np.sin(angle)), middle[1] - 22.0 * float(np.cos(angle))), 2.0, BEAM)
 
 
 def _disc(image: Picture, centre: Place, radius: float, colour: Colour) -> None:

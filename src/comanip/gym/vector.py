@@ -9,14 +9,17 @@ import numpy as np
 from .. import kernels
 from ..errors import ParameterError
 from ..interfaces import Array
+from ..trials.sight import real
+from .asked import asked_case, asked_seeds, check_case, check_drawn, given, whole
 from .compiled import FOR_PYTHON, NO_NOISE, OPEN, TICKED, Compiled, fits
 from .draw import next_case
-from .env import about, asked_case, spaces
+from .env import about, spaces
 from .episode import Episode, Parts, Setting
 from .needing import needed
 
 gymnasium = needed("gymnasium", "CarryVectorEnv")
 Autoreset = gymnasium.vector.AutoresetMode
+MODES = {one.value: one for one in (Autoreset.NEXT_STEP, Autoreset.SAME_STEP)}
 
 
 class Plain:
@@ -61,13 +64,15 @@ class CarryVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[name-defined]
         render_mode: str | None = None,
         **setting: Any,
     ) -> None:
-        if not (isinstance(num_envs, int) and num_envs >= 1):
-            raise ParameterError(f"num_envs is {num_envs!r}; allowed: a whole number, 1 or more")
+        num_envs = whole("num_envs", num_envs, 1)
         if render_mode is not None:
             raise ParameterError(f"render_mode is {render_mode!r}; the vector environment draws nothing, CarryEnv does")
-        mode = Autoreset(autoreset_mode)
-        if mode is Autoreset.DISABLED:
-            raise ParameterError("autoreset_mode is DISABLED; allowed: NEXT_STEP, SAME_STEP")
+        mode = (
+            MODES.get(getattr(autoreset_mode, "value", autoreset_mode)) if isinstance(autoreset_mode, (str, Autoreset)) else None
+        )
+        if mode is None:
+            said = getattr(autoreset_mode, "name", given(autoreset_mode))
+            raise ParameterError(f"autoreset_mode is {said}; allowed: NEXT_STEP, SAME_STEP, of gymnasium.vector.AutoresetMode")
         self.num_envs, self.setting, self.render_mode = num_envs, Setting.of(task, role, people, plant=plant, **setting), None
         self.metadata = {**self.metadata, "autoreset_mode": mode}  # type: ignore[misc]
         self.single_observation_space, self.single_action_space = spaces(self.setting.seen)
@@ -90,18 +95,23 @@ class CarryVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[name-defined]
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """All runs anew. seed: one number, or one a run; options: {"case": case} is met by all."""
-        if seed is not None:
-            seeds = [seed + n for n in range(self.num_envs)] if isinstance(seed, int) else list(seed)
-            if len(seeds) != self.num_envs:
-                raise ParameterError(f"seed has {len(seeds)} entries; allowed: one number, or one a run, {self.num_envs}")
-            self._rngs = [gymnasium.utils.seeding.np_random(one)[0] for one in seeds]
         case = asked_case(options)
+        if case is not None:
+            check_case(case, self.setting)
+        if seed is not None:
+            self._seed(asked_seeds(seed, self.num_envs))
         infos: dict[str, Any] = {}
         self._slots = [None] * self.num_envs
         for n in range(self.num_envs):
             infos = self._add_info(infos, self._begin(n, case), n)
         self._ended[:] = False
         return self._seen.copy(), infos
+
+    def _seed(self, seeds: list[int | None]) -> None:
+        """None, of one of several, is a run that goes on drawing as before, as with Gymnasium's own."""
+        for n, one in enumerate(seeds):
+            if one is not None:
+                self._rngs[n] = gymnasium.utils.seeding.np_random(one)[0]
 
     def _begin(self, n: int, case: Any = None) -> dict[str, Any]:
         """The next episode of run n; what there is to say about it."""
@@ -181,15 +191,19 @@ class CarryVectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[name-defined]
             raise ParameterError("no run has begun: call reset()")
         seen, shape = self.setting.seen, (self.num_envs, self.setting.seen.n_axes)
         try:
-            said = np.ascontiguousarray(actions, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise ParameterError(f"actions are {actions!r}; allowed: {shape} finite numbers of a {seen.action}") from None
+            said = real(actions)
+        except Exception:
+            raise ParameterError(f"actions are {given(actions)}; allowed: {shape} finite numbers of a {seen.action}") from None
         if said.shape != shape:
             raise ParameterError(f"actions have shape {said.shape}; allowed: {shape}, one row a run")
         if not np.isfinite(said).all():
             run = int(np.flatnonzero(~np.isfinite(said).all(axis=1))[0])
             raise ParameterError(f"action of run {run} is {said[run].tolist()}; allowed: finite numbers of a {seen.action}")
-        return said
+        return np.ascontiguousarray(np.clip(said, -seen.most, seen.most))
+
+    def render(self) -> Any:
+        """ParameterError: see `render_mode`."""
+        check_drawn(self.render_mode, None)
 
     def close_extras(self, **kwargs: Any) -> None:
         """Nothing is held open."""

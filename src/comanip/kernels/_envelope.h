@@ -13,14 +13,15 @@ typedef struct { LIMITS(ONE_NUMBER) } Limits;
 
 #define SCALARS(X) \
     X(period, _period) X(time, _time) X(stamp, _stamp) X(age, _age) X(elapsed, _elapsed) X(impact_s, _impact_s) \
-    X(blocked_ns, _blocked_ns) X(alone_s, _alone_s) X(rest_s, _rest_s) X(energy, _energy) X(held, _held) X(sinks_s, _sinks_s) \
+    X(blocked_ns, _blocked_ns) X(rest_s, _rest_s) X(energy, _energy) X(leads, _leads) X(sinks_s, _sinks_s) \
+    X(zero_ticks, _missing.known) X(held, _missing.held) X(met, _missing.met) X(missed_s, _missing.alone_s) X(mistakes, _missing.mistakes) \
     X(for_s, _let_go._for_s) X(weighed, _let_go._weighed) X(sunk, _sinking.sunk) X(lack_peak, _sinking._peak) \
     X(again_s, _sinking._again_s) X(led, _sinking.led) X(since_up_s, _sinking._since_up_s) X(work, _pushed.work) X(push_peak, _pushed._peak) \
     X(jump_usual, _jump._usual) X(heard_s, _jump._heard_s) X(still_s, _jump._still_s) X(mean, _shaking._mean) \
     X(amplitude, _shaking.amplitude)
 #define VECTORS(X) \
     X(x, _x) X(sent, _sent) X(at, _at) X(v, _v) X(force, _force) X(wanted, _wanted) X(asked, _asked) X(rate, _rate) \
-    X(felt, _felt) X(senses, _senses) X(weight, _let_go.weight) X(reading, _stuck.last) X(same_s, _stuck.same_s) \
+    X(felt, _felt) X(senses, _senses) X(zero, _missing.zero) X(pull, _missing.pull) X(weight, _let_go.weight) X(reading, _stuck.last) X(same_s, _stuck.same_s) \
     X(same_m, _stuck._same_m) X(changes, _stuck._changes) X(smallest, _stuck._least) X(usual, _stuck._usual) \
     X(dead, _stuck._dead) X(sensed, _jump.last) X(slow, _shaking._slow)
 #define CHECKED(X) X(at, _checker.at) X(last, _checker.last)
@@ -46,7 +47,11 @@ typedef struct {
 #define WEIGHED_TICKS 25
 #define STILL_S 0.15 /* most_before, less one, and SLOW_SWING_S is most_pulls */
 #define QUIET_S 0.5
-#define LIGHT_N 0.5
+#define LIGHT_N 1.25
+#define ZERO_TICKS 50
+#define PULL_S 0.06
+#define LED_ALONE_N 0.6
+#define LED_ALONE_S 0.25
 #define HANGS_N 4.0
 #define ALONE_SHARE 0.35
 #define PULLS 0.3
@@ -69,6 +74,7 @@ typedef struct {
 #define GRAVITY 9.80665
 
 static const double LACKS[2] = {0.02, 0.12}, TURNS[2] = {0.15, 0.3};
+static const double AGAIN_AS_LONG[3] = {1.0, 3.0, 20.0}; /* AGAIN of safety/detectors.py */
 
 static inline double load_of(const Ledger *l, int d) { return l->weighed >= WEIGHED_TICKS ? length(l->weight, d) : 0.0; }
 
@@ -163,6 +169,27 @@ static inline int sinks(const Envelope *e, Ledger *l, const double *taught, doub
     }
     l->sinks_s = l->again_s < AGAIN_S && l->sunk > SUNK * e->limits.sink_m ? l->sinks_s + period : 0.0;
     return l->sinks_s > SINKS_S;
+}
+
+/* Missing.step */
+static inline int missed(const Envelope *e, Ledger *l, const double *sensed, double speed, double period) {
+    const Limits *limits = &e->limits;
+    const int d = e->d, leads = l->leads >= 1.0;
+    const double size = length(l->force, d), share = least(period / PULL_S, 1.0);
+    Axes felt;
+    for (int i = 0; i < d; i++) felt[i] = is_finite(sensed[i]) ? 2.0 * l->force[i] - sensed[i] : l->force[i];
+    if (speed < limits->moving) {
+        l->held = 0.0;
+        if (l->zero_ticks < ZERO_TICKS && 0.0 < size && size < limits->tare_n) {
+            l->zero_ticks += 1.0;
+            for (int i = 0; i < d; i++) l->zero[i] += (felt[i] - l->zero[i]) / l->zero_ticks;
+        }
+    }
+    for (int i = 0; i < d; i++) l->pull[i] += share * (felt[i] - l->zero[i] - l->pull[i]);
+    const int nobody = leads ? length(l->pull, d) < LED_ALONE_N : size < limits->let_go_n;
+    l->held = l->held != 0.0 || size > limits->held_n, l->met = l->met != 0.0 || size > limits->held_n;
+    l->missed_s = (leads ? l->met : l->held) != 0.0 && nobody && speed > limits->let_go_speed ? l->missed_s + period : 0.0;
+    return l->missed_s > (leads ? LED_ALONE_S * AGAIN_AS_LONG[(int)least(l->mistakes, 2.0)] : limits->let_go_s);
 }
 
 /* Pushed.step */

@@ -44,11 +44,11 @@ enum { REASONS(ITS_REASON) N_REASONS };
 #define HANGING 0.12
 #define HANGING_N 0.6
 #define ANSWER_N 0.7
+#define ANSWERS_N 0.9
+#define ANSWERS_S 0.2
 #define SAME_LOW 0.7
 #define SAME_HIGH 1.3
 #define LONGEST_WAIT_S 8.0
-
-static const double AGAIN_AS_LONG[3] = {1.0, 3.0, 20.0}; /* AGAIN of safety/detectors.py */
 
 /* Names of what Python has otherwise begin with a letter. value, passed_value: the number that belongs to the reason; limit_n: what a
  * force was beyond; fresh, late: of this tick; low, high: the walls, around where it began */
@@ -345,17 +345,14 @@ static inline void press(const Envelope *e, Guard *g, double speed, double perio
 }
 
 /* Envelope._miss */
-static inline void miss(const Envelope *e, Guard *g, double speed, double size, double period) {
-    const Limits *limits = &e->limits;
-    Ledger *l = &g->ledger;
-    if (speed < limits->moving) l->held = 0.0;
-    l->held = l->held != 0.0 || size > limits->held_n;
-    l->alone_s = l->held != 0.0 && size < limits->let_go_n && speed > limits->let_go_speed ? l->alone_s + period : 0.0;
-    if (l->alone_s > limits->let_go_s) comply_for(g, e->d, REASON_LET_GO, NAN);
+static inline void miss(const Envelope *e, Guard *g, const Seen *seen, double speed, double period) {
+    Axes sensed;
+    for (int i = 0; i < e->d; i++) sensed[i] = fabs(seen->sensed[i]) < ABSURD ? seen->sensed[i] : NAN;
+    if (missed(e, &g->ledger, sensed, speed, period)) comply_for(g, e->d, REASON_LET_GO, NAN);
 }
 
 /* Envelope._look */
-static inline void look(const Envelope *e, Guard *g, const double *taught, double period) {
+static inline void look(const Envelope *e, Guard *g, const Seen *seen, double period) {
     Ledger *l = &g->ledger;
     const int d = e->d;
     const double speed = length(l->v, d), size = length(l->force, d);
@@ -364,14 +361,14 @@ static inline void look(const Envelope *e, Guard *g, const double *taught, doubl
         g->feels_s = e->limits.feel_s;
         mean_of_last(e->pulls, (int)l->n_pulls, e->swing, d, g->pulled);
     }
-    sink(e, g, taught, period);
+    sink(e, g, seen->taught, period);
     pushing(e, l, period);
     if (l->work > e->limits.pushed_j) {
         comply_for(g, d, REASON_PUSHED, size);
         forget_pushes(l);
     }
     press(e, g, speed, period);
-    if (load_of(l, d) <= LIGHT_N) miss(e, g, speed, size, period);
+    if (load_of(l, d) <= LIGHT_N) miss(e, g, seen, speed, period);
     shaken(e, l, period);
     if (g->ticks < 5.0) {
         g->ticks += 1.0;
@@ -391,12 +388,13 @@ static inline void goes_on(Guard *g, int d, double reason) {
 }
 
 /* Envelope._feel */
-static inline void feel(const Envelope *e, Guard *g, const double *taught, double period) {
+static inline void feel(const Envelope *e, Guard *g, const Seen *seen, double period) {
     Ledger *l = &g->ledger;
     const int d = e->d;
     Axes pull;
     shaken(e, l, period);
-    sink(e, g, taught, period);
+    if ((int)g->reason == REASON_LET_GO) miss(e, g, seen, length(l->v, d), period);
+    sink(e, g, seen->taught, period);
     pushing(e, l, period);
     if (l->work > e->limits.pushed_j && (int)g->reason != REASON_BLOCKED) hold_for(g, d, REASON_PUSHED, length(l->force, d), INFINITY);
     if (g->feels_s <= 0.0) {
@@ -426,8 +424,8 @@ static inline int recovers(const Envelope *e, Guard *g, const Seen *seen, double
     const int weighs_something = load > (reason == REASON_GONE || reason == REASON_SINKS ? LIGHT_N : HANGS_N);
     int over = still < least(least(limits->pull_n, g->bound), weighs_something ? 0.5 * load : limits->pull_n);
     double value;
-    if (reason == REASON_LET_GO) over = length(l->force, d) > 3.0 * limits->let_go_n;
-    double wait_s = reason == REASON_BLOCKED ? g->wait_s : limits->passed_s;
+    if (reason == REASON_LET_GO) over = length(l->pull, d) > ANSWERS_N;
+    double wait_s = reason == REASON_BLOCKED ? g->wait_s : reason == REASON_LET_GO && l->leads >= 1.0 ? ANSWERS_S : limits->passed_s;
     if ((reason == REASON_SINKS || reason == REASON_GONE) && !over) {
         const double off = fabs(dot(l->force, l->weight, d) / load - load);
         over = off > most(HANGING * load, HANGING_N), wait_s = g->sinks_wait_s;
@@ -445,6 +443,7 @@ static inline void recovered(const Envelope *e, Guard *g) {
         start_checker(g, e->d, l->at);
     }
     if ((int)g->reason == REASON_GONE || (int)g->reason == REASON_SINKS) g->sinks_wait_s = least(2.0 * g->sinks_wait_s, LONGEST_WAIT_S);
+    if ((int)g->reason == REASON_LET_GO) l->held = l->met = l->missed_s = 0.0, l->mistakes += 1.0;
     forget_pulls(l);
     forget_sinking(l);
     goes_on(g, e->d, g->reason);
@@ -460,8 +459,8 @@ static inline int guard_senses(const Envelope *e, Guard *g, const Seen *seen, do
     g->known = g->fresh != 0.0 && g->known != 0.0;
     book(e, g, *period);
     if (g->fresh == 0.0) return SKILL_RESTS;
-    if (g->mode == MODE_RUN) look(e, g, seen->taught, *period);
-    else if (g->mode == MODE_COMPLY) feel(e, g, seen->taught, *period);
+    if (g->mode == MODE_RUN) look(e, g, seen, *period);
+    else if (g->mode == MODE_COMPLY) feel(e, g, seen, *period);
     return g->mode != MODE_RUN && g->passes != 0.0 && recovers(e, g, seen, *period) ? SKILL_RESUMES : SKILL_RESTS;
 }
 

@@ -20,7 +20,8 @@ typedef struct { LAW(ONE_NUMBER) } Numbers; /* CollaborativeLaw */
     X(start_patience_s, start_patience_s) X(midway_patience_s, midway_patience_s) X(finished_m, finished_m) X(held_s, held_s) \
     X(probe_n, probe_n) X(probe_at_start_n, probe_at_start_n) X(probe_most_n, probe_most_n) X(probe_n_per_s, probe_n_per_s) \
     X(nudge_m, nudge_m) X(settles_s, settles_s) X(probe_s, probe_s) X(progress_m, progress_m) \
-    X(probe_damping, probe_damping_ns_per_m) X(elsewhere_m, elsewhere_m) X(offers_at_start, offers_at_start) X(blend_s, blend_s)
+    X(probe_damping, probe_damping_ns_per_m) X(elsewhere_m, elsewhere_m) X(elsewhere_n, elsewhere_n) \
+    X(offers_at_start, offers_at_start) X(blend_s, blend_s)
 typedef struct { POLICY(ONE_NUMBER) } Policy; /* RolePolicy */
 
 typedef struct { /* RoleEvidence */
@@ -240,12 +241,12 @@ static inline void anticipated(const Law *l, const Numbers *law, const double *f
     for (int i = 0; i < d; i++) foreseen[i] = agreement * foreseen[i];
 }
 
-/* CollaborativeSkill._as_foreseen */
-static inline void as_foreseen(const Law *l, const double *force, double *foreseen) {
+/* Foresight.foreseen */
+static inline void as_foreseen(const Law *l, const Numbers *law, const double *force, double *foreseen) {
     const Foresight *f = &l->foresight;
     const double along = dot(force, f->velocity, l->d) / most(length(f->velocity, l->d), 1e-3);
-    const double share = l->law.foresight * f->told[SURE] * within((along + 2.0) / 1.5, 0.0, 1.0);
-    const double damped = l->law.moving_damping / l->law.mass;
+    const double share = law->foresight * f->told[SURE] * within((along + 2.0) / 1.5, 0.0, 1.0);
+    const double damped = law->moving_damping / law->mass;
     for (int i = 0; i < l->d; i++) foreseen[i] = share * (f->acceleration[i] + damped * f->velocity[i]);
 }
 
@@ -260,7 +261,7 @@ static inline void anticipate(Law *l, const double *x, const double *force, doub
     if (l->foresight.plans && l->foresight.told[AWAKE] != 0.0) {
         foresee(&l->foresight, l->tables, d, l->dt, x, l->compliance);
         if (l->foresight.told[AWAKE] != 0.0) {
-            as_foreseen(l, force, foreseen);
+            as_foreseen(l, &l->law, force, foreseen);
             return;
         }
     }
@@ -335,6 +336,23 @@ static inline int watch(Law *l, const double *x, const double *force) {
 static inline void hear_motion(Law *l, const double *x, const double *force) {
     const int goal = (int)*l->where.goal;
     hears(&l->foresight, l->tables + goal, l->d, l->dt, goal, *l->where.phase, x, l->compliance, force);
+}
+
+/* RoleSkill._ahead; gives how fast a resting hand counts as moving */
+static inline double ahead_of(Law *l, const Numbers *law, const double *x, const double *force, int whole, double *foreseen) {
+    const Foresight *f = &l->foresight;
+    double departs = 0.0;
+    if (f->plans && law->foresight > 0.0) {
+        if (whole) hear_motion(l, x, force);
+        if (f->told[AWAKE] != 0.0) foresee(&l->foresight, l->tables, l->d, l->dt, x, l->compliance);
+        departs = f->told[DEPARTS] * law->moving_speed;
+        if (f->told[AWAKE] != 0.0) {
+            as_foreseen(l, law, force, foreseen);
+            return departs;
+        }
+    }
+    anticipated(l, law, force, foreseen);
+    return departs;
 }
 
 /* CollaborativeSkill.step of a follower, or of who only complies; of a sample from which something is missing nothing is heard */
@@ -421,6 +439,13 @@ static inline int attend(Law *l, const double *x, const double *felt) {
     if (!watch(l, x, felt)) return 0;
     if (l->bank.n) hear(l, x, felt);
     return 1;
+}
+
+/* Of a robot that was told nothing, which alone has plans: at the end of the way, who pulls so much wants to be elsewhere */
+static inline int leans(const Law *l, const double *pull) {
+    const Table *t = l->tables + (int)(*l->told >= 0.0 ? *l->told : *l->where.goal);
+    return l->foresight.plans && !(l->clock[GOING] > l->policy.resting_m_per_s) && remaining(t, l->clock[PHASE]) <= 0.0 &&
+           length(pull, l->d) > l->policy.elsewhere_n;
 }
 
 /* RoleSkill._unfinished, not */

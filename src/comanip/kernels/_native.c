@@ -991,7 +991,7 @@ typedef struct {
 
 static PyTypeObject *filter_type;
 
-/* (filters, prior, centre, spread, numbers, p, probabilities, until) of roles.RoleEvidence, which hears `width` channels */
+/* (filters, prior, centre, spread, numbers, p, probabilities, until) of evidence.RoleEvidence, which hears `width` channels */
 static int take_bank(Laws *self, PyObject *bank, int width, const Filter *watch) {
     PyObject *filters, *prior, *centre, *spread, *numbers, *p, *probabilities, *until;
     Bank *b = &self->law.bank;
@@ -1194,7 +1194,7 @@ static int law_takes(Laws *self, PyObject *const *args, Py_ssize_t n, const doub
 /* One tick of a skill that changes its role; 0, with nothing changed but what was heard, for the twin. */
 static int by_role(Laws *self, const double *x, const double *force, double *const out[3]) {
     if (!self->role || !attend(&self->law, x, force)) return 0;
-    act_attended(&self->law, self->role, x, force, out);
+    act_attended(&self->law, self->role, x, force, 1, out);
     return 1;
 }
 

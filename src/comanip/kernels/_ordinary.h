@@ -89,20 +89,17 @@ static inline int partner_holds(const Envelope *e, Ledger *l, double speed, cons
 }
 
 /* Envelope._press, _miss and what is left of _look */
-static inline int unremarkable(const Envelope *e, Ledger *l, double speed) {
+static inline int unremarkable(const Envelope *e, Ledger *l, const double *sensed, double speed) {
     const Limits *limits = &e->limits;
     const int d = e->d;
-    const double size = length(l->force, d), period = l->period;
+    const double period = l->period;
     const double against = -dot(l->force, l->v, d) / most(speed, 1e-6);
     l->blocked_ns = against > limits->blocked_n ? l->blocked_ns + against * period : 0.0;
-    if (load_of(l, d) <= LIGHT_N) {
-        l->held = (speed >= limits->moving && l->held != 0.0) || size > limits->held_n;
-        l->alone_s = l->held != 0.0 && size < limits->let_go_n && speed > limits->let_go_speed ? l->alone_s + period : 0.0;
-    }
+    const int gone = load_of(l, d) <= LIGHT_N && missed(e, l, sensed, speed, period);
     shaken(e, l, period);
     for (int i = 0; i < d; i++) l->felt[i] += least(period, 1.0) * (l->force[i] - l->felt[i]);
     l->rest_s = speed < 0.05 ? l->rest_s + period : 0.0;
-    return !(l->blocked_ns > limits->blocked_n * limits->blocked_s) && !(l->alone_s > limits->let_go_s);
+    return !(l->blocked_ns > limits->blocked_n * limits->blocked_s) && !gone;
 }
 
 /* All that comes before the skill. */
@@ -123,7 +120,7 @@ static inline int sense(Envelope *e, double t, const double *x, const double *f,
     if (!partner_holds(e, &next, speed, pull, mean, &measured) || sinks(e, &next, taught, next.period)) return 0;
     pushing(e, &next, next.period);
     if (next.work > e->limits.pushed_j) return 0;
-    if (!unremarkable(e, &next, speed)) return 0;
+    if (!unremarkable(e, &next, sensed, speed)) return 0;
     if (weighed) remember(e->pulls, &next.n_pulls, e->most_pulls, d, pull);
     if (measured) remember(e->before, &next.n_before, e->most_before, d, mean);
     *e->now = next;

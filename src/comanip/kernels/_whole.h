@@ -48,7 +48,7 @@ static inline void think(Whole *w, const double *position, const double *felt, d
     const int d = l->d, is_whole = all_finite(position, d) && all_finite(felt, d);
     Axes x, force;
     for (int i = 0; i < d; i++) x[i] = is_finite(position[i]) ? position[i] : l->position[i], force[i] = is_finite(felt[i]) ? felt[i] : 0.0;
-    if (w->kind == CHANGES) act_by_role(l, w->role, x, force, out);
+    if (w->kind == CHANGES) act_by_role(l, w->role, x, force, is_whole, out);
     else if (w->role->complies_only != 0.0) (void)follow(l, x, force, out, 0, 0);
     else if (w->leads) (void)lead(l, x, force, out);
     else (void)follow(l, x, force, out, 1, is_whole);
@@ -112,6 +112,7 @@ static inline void step_whole(Whole *w, Sample *s, int first, double *const out[
     if (first) begin_whole(w, s);
     else estimate(w->weighing, w->weighed, w->past, s->velocity, s->sensed, s->force);
     const Seen seen = seen_of(w, s);
+    g->ledger.leads = w->role->blend;
     if (guard_senses(&w->envelope, g, &seen, &period) == SKILL_RESUMES) {
         enter_skill(w, s->position, 1);
         recovered(&w->envelope, g);

@@ -39,7 +39,7 @@ BLOCKS: dict[str, tuple[str, ...]] = {
         "insist_n", "insist_ns_per_m", "ahead_n", "insist_s", "held_m_per_s", "resting_n", "resting_m_per_s",
         "start_patience_s", "midway_patience_s", "finished_m", "held_s", "probe_n", "probe_at_start_n",
         "probe_most_n", "probe_n_per_s", "nudge_m", "settles_s", "probe_s", "progress_m", "probe_damping_ns_per_m",
-        "elsewhere_m", "offers_at_start", "blend_s",
+        "elsewhere_m", "elsewhere_n", "offers_at_start", "blend_s",
     ),  # fields of skills.roles.RolePolicy
     "limits": (
         "v_max_m_per_s", "a_max_m_per_s2", "force_limit_n", "energy_j", "stuck_s", "stuck_m", "moving_m_per_s",
@@ -49,15 +49,16 @@ BLOCKS: dict[str, tuple[str, ...]] = {
         "load_n", "feel_s", "passed_s", "offer_s", "offer_n", "shake_n", "_dt", "_late", "_stale",
     ),  # of safety.limits.Limits, and of the envelope
     "scalars": (
-        "_period", "_time", "_stamp", "_age", "_elapsed", "_impact_s", "_blocked_ns", "_alone_s", "_rest_s", "_energy",
-        "_held", "_sinks_s", "_let_go._for_s", "_let_go._weighed", "_sinking.sunk", "_sinking._peak", "_sinking._again_s",
-        "_sinking.led", "_sinking._since_up_s", "_pushed.work", "_pushed._peak", "_jump._usual", "_jump._heard_s",
-        "_jump._still_s", "_shaking._mean", "_shaking.amplitude",
+        "_period", "_time", "_stamp", "_age", "_elapsed", "_impact_s", "_blocked_ns", "_rest_s", "_energy", "_leads", "_sinks_s",
+        "_missing.known", "_missing.held", "_missing.met", "_missing.alone_s", "_missing.mistakes", "_let_go._for_s",
+        "_let_go._weighed", "_sinking.sunk", "_sinking._peak", "_sinking._again_s", "_sinking.led", "_sinking._since_up_s",
+        "_pushed.work", "_pushed._peak", "_jump._usual", "_jump._heard_s", "_jump._still_s", "_shaking._mean",
+        "_shaking.amplitude",
     ),  # the envelope's memory, lent to the compiled tick (safety/compiled_tick.py)
     "vectors": (
-        "_x", "_sent", "_at", "_v", "_force", "_wanted", "_asked", "_rate", "_felt", "_senses", "_let_go.weight",
-        "_stuck.last", "_stuck.same_s", "_stuck._same_m", "_stuck._changes", "_stuck._least", "_stuck._usual", "_stuck._dead",
-        "_jump.last", "_shaking._slow", "_checker.at", "_checker.last",
+        "_x", "_sent", "_at", "_v", "_force", "_wanted", "_asked", "_rate", "_felt", "_senses", "_missing.zero",
+        "_missing.pull", "_let_go.weight", "_stuck.last", "_stuck.same_s", "_stuck._same_m", "_stuck._changes", "_stuck._least",
+        "_stuck._usual", "_stuck._dead", "_jump.last", "_shaking._slow", "_checker.at", "_checker.last",
     ),  # the same, (d,) each
     "guard": (
         "_state", "reason", "value", "_passes", "passed", "passed_value", "_passed_s", "_wait_s", "_sinks_wait_s", "_bound",
@@ -73,7 +74,8 @@ BLOCKS: dict[str, tuple[str, ...]] = {
         "CHECKER_ACCELERATION", "CHECKER_ROOM", "OUTSIDE", "IN_MOTION", "PULLED", "STUCK_STILL",
     ),  # of the envelope, by number
     "role": (
-        "acts", "answers", "placed", "gave_way", "put_back", "reached", "push", "meant", "blend", "complies_only", "outside",
+        "acts", "gives", "answers", "placed", "gave_way", "put_back", "reached", "push", "meant", "blend", "complies_only",
+        "outside",
     ),  # of skills.roles.RoleSkill
     "carry": (
         "dt_s", "noise_n", "bias_n", "half_mass_kg", "sums", "fastest_m_per_s", "good_s", "average", "late_ticks", "blend",

@@ -18,14 +18,15 @@ from ..formats.cdr import SCHEMAS
 from ..learned.file import to_json
 from ..learned.skill import LearnedSkill
 from ..tasks import Task, named
+from ..tasks.way import spread, usual, way
 from ..whole_file import write_whole
 from .numbers import EXPECTED_DELAY_S, constants, numbers, robot, roles
 from .person import Hand
 
-DT_S = 0.01
+DT_S, WAY_STEP_S = 0.01, 0.02
 MODULES = (
-    "files", "mcap", "engine", "scene", "hands", "sound", "judge", "strips", "session", "prepare", "skillfile", "em", "teach",
-    "study", "understand", "about", "main",
+    "files", "recordings", "mcap", "engine", "scene", "hands", "sound", "judge", "strips", "session", "prepare", "skillfile",
+    "em", "teach", "study", "understand", "about", "main",
 )  # fmt: skip
 # of the exact beam and its sensor, as plants.beam has them
 ROBOT = {
@@ -142,7 +143,28 @@ def _told(task: Task) -> dict[str, Any]:
         "mass_kg": task.carried.mass_kg,
         "length_m": task.carried.length_m,
         "share": task.carried.share,
+        "ways": [_way(task, goal) for goal in (task.goals or ("",))],
+        "lessons": _lessons(task),
         "schemas": dict(SCHEMAS),
+    }
+
+
+def _way(task: Task, goal: str) -> list[list[float]]:
+    """Rows (d,) [m] from the start, `WAY_STEP_S` apart: the usual way, by which a scripted robot leads lessons."""
+    course = way(task, usual(task, goal)).course
+    times = np.arange(0.0, course.stop_s + WAY_STEP_S, WAY_STEP_S)
+    return [[round(x, 6) for x in course.at(t)[0].tolist()] for t in times.tolist()]
+
+
+def _lessons(task: Task) -> dict[str, Any]:
+    """How lessons differ: deviations and the shortest as shares of the usual way."""
+    of = spread(task)
+    return {
+        "size_sd": of.size_m[1] / of.size_m[0],
+        "duration_sd": of.duration_s[1] / of.duration_s[0],
+        "shortest": of.shortest_s / of.duration_s[0],
+        "onset_s": list(of.onset_s),
+        "step_s": WAY_STEP_S,
     }
 
 

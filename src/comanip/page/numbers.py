@@ -27,7 +27,8 @@ from ..signals.exponential import exponential
 from ..signals.filters import lowpass_coefficients
 from ..skills import foresight, reference, whereabouts
 from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill, tables_of
-from ..skills.roles import BIAS_S, GAINS, LATER, PULL_S, Doubts, RolePolicy, RoleSkill
+from ..skills.evidence import GAINS, Doubts
+from ..skills.roles import BIAS_S, LATER, PULL_S, RolePolicy, RoleSkill
 from ..tasks import Task
 
 VERSION = 1
@@ -87,7 +88,7 @@ def _sizes(skill: Any) -> dict[str, float]:
     inner, watch = skill.skill, skill.skill._watch
     changes = isinstance(inner, RoleSkill)
     evidence = inner.evidence if changes else None
-    foresight = None if changes else inner._foresight
+    foresight = inner._foresight
     told = inner._told
     return {
         "version": VERSION, "d": len(skill.axes), "dt": skill.dt, "changes": changes,
@@ -124,7 +125,7 @@ def _limits(skill: Any) -> list[Array]:
 def _paths(inner: Any) -> list[Array]:
     references, where = inner._pace.references, inner._where
     *tables, about = tables_of(references)
-    plans = [] if isinstance(inner, RoleSkill) else list(inner._foresight.shared()[:5])
+    plans = [] if inner._foresight is None else list(inner._foresight.shared()[:5])
     return [about, *tables, *plans, where.stations, where.firsts]
 
 

@@ -36,12 +36,13 @@ enum { MOST_LATE = 64, MOST_FILTERED = 16 };
     X(axes) X(dt_s) X(step_s) X(mass_kg) X(length_m) X(wrist_stiffness_nm_per_rad) X(wrist_damping_nms_per_rad) X(actuator_lag_s) \
     X(noise_n) X(bias_n) X(delay_s) X(expected_delay_s) X(stated_mass_kg) X(share) X(seed) \
     X(hand_n_per_m) X(hand_ns_per_m) X(hand_kg) X(hand_cap_n) X(grip_n_per_m) X(grip_ns_per_m) X(smooth_s) X(hand_m_per_s) X(grip_s) \
-    X(robot) X(robot_kg) X(robot_ns_per_m) X(robot_attraction_per_s) X(robot_onset_s) X(robot_duration_s) X(v_max_m_per_s) X(a_max_m_per_s2) \
+    X(robot) X(robot_kg) X(robot_ns_per_m) X(robot_attraction_per_s) X(plan_runs) X(v_max_m_per_s) X(a_max_m_per_s2) \
     X(holds) X(time_s) X(ticks) X(grip) X(payload_kg) \
     X(mode) X(reason) X(reason_value) X(passes) X(acts) X(tank_j) X(confidence) X(phase_s) X(clock_rate) X(blend)
-/* One number an axis. `position` to `force` are what the robot knows at its last tick, `hand_*` and `end_*` are true now. */
+/* One number an axis. `position` to `force` are what the robot knows at its last tick, `hand_*` and `end_*` are true now; `plan_*` is
+ * where a robot with a plan means to be, which the page says before each tick. */
 #define WORLD_VECTORS(X) \
-    X(gravity) X(axial) X(start) X(moves_m) X(pointer) X(drawn) X(aim) X(aim_speed) X(place) X(place_speed) X(stretch_n) X(pull_n) \
+    X(gravity) X(axial) X(start) X(plan_position) X(plan_velocity) X(pointer) X(drawn) X(aim) X(aim_speed) X(place) X(place_speed) X(stretch_n) X(pull_n) \
     X(position) X(velocity) X(sensor_force) X(force) X(true_force) X(tilt) X(expected_force) X(command_position) X(command_velocity) \
     X(command_acceleration) X(end_position) X(end_velocity) X(carried_n)
 
@@ -122,18 +123,14 @@ static void read_sensors(World *w) {
 
 /* baselines.MassDamper, and a robot with a plan of its own that gives way: what stands in where no skill runs */
 static void plain_robot(World *w) {
-    double wanted[MOST_AXES], changed = 0.0, speed = 0.0, unit[3];
-    const double t = w->time_s - w->robot_onset_s, planned = w->robot == ROBOT_PLANNED && t > 0.0;
-    minimum_jerk(t / w->robot_duration_s, unit);
+    double wanted[MOST_AXES], changed = 0.0, speed = 0.0;
     estimate(&w->weighing, &w->estimate, w->past, w->velocity, w->sensor_force, w->force);
     w->payload_kg = w->estimate.payload;
     for (int i = 0; i < w->axes; i++) {
         w->compliance[i] = (w->robot_kg * w->compliance[i] + w->dt_s * w->force[i]) / (w->robot_kg + w->dt_s * w->robot_ns_per_m);
         wanted[i] = w->robot == ROBOT_HOLDS ? 0.0 : w->compliance[i];
-        if (planned) {
-            const double aim = w->start[i] + w->moves_m[i] * unit[0];
-            wanted[i] += w->moves_m[i] * unit[1] / w->robot_duration_s + w->robot_attraction_per_s * (aim - w->position[i]);
-        } else if (w->robot == ROBOT_PLANNED) wanted[i] = 0.0;
+        if (w->robot == ROBOT_PLANNED && w->plan_runs == 0.0) wanted[i] = 0.0;
+        else if (w->robot == ROBOT_PLANNED) wanted[i] += w->plan_velocity[i] + w->robot_attraction_per_s * (w->plan_position[i] - w->position[i]);
         speed += wanted[i] * wanted[i];
     }
     speed = sqrt(speed);

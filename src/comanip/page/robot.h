@@ -102,7 +102,7 @@ static int lay_paths(Robot *b, Law *l, Reader *r, double **memory) {
     return 1;
 }
 
-/* roles.RoleEvidence */
+/* evidence.RoleEvidence */
 static int lay_bank(Robot *b, Law *l, Reader *r, double **memory) {
     Bank *bank = &l->bank;
     const int n = (int)b->header.filters, d = l->d;

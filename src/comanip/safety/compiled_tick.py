@@ -57,6 +57,7 @@ class CompiledTick:
         self.senses, self.recovered = self.compiled.senses, self.compiled.recovered
         self.acts, self.rests = self.compiled.acts, self.compiled.rests
         self._limits = limits
+        self.leads = ledger[LEDGER.index("_leads") :][:1]
         self._lent: dict[str, Any] = {}
         # (number, value, text) of the reason, and of what passed, as they were said last
         self._reason = self._passed = (0, nan, "")
@@ -158,6 +159,7 @@ class Lending:
     def _step_compiled(self: Any, obs: Observation, command: Command) -> bool:
         """False, with nothing changed, for an observation of other shapes or kinds."""
         tick = self._compiled
+        tick.leads[0] = self._leading[0]
         does = tick.senses(obs.time, obs.force_time, obs.position, obs.force, obs.velocity, obs.sensor_force, self._taught)
         if does < RESTS:
             return False

@@ -1,8 +1,9 @@
 """What the envelope watches in the force while its skill runs: each a small memory that answers one question, per tick.
 
-`LetGo` is the partner's hand gone?  `Sinking` how far down with a partner who carries too little?  `Pushed` for how much work
-with more force than anybody leads with?  `Stuck` does the sensor repeat itself?  `Jump` did its zero move?  `Shaking` how
-strongly does the force oscillate?  Forces are vectors: no answer depends on how the axes are turned.
+`LetGo` is the partner's hand gone?  `Missing` and where the object weighs nothing along the axes?  `Sinking` how far down with a
+partner who carries too little?  `Pushed` for how much work with more force than anybody leads with?  `Stuck` does the sensor
+repeat itself?  `Jump` did its zero move?  `Shaking` how strongly does the force oscillate?  Forces are vectors: no answer depends
+on how the axes are turned.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ SLOW_SWING_S = 0.16  # on a softer wrist at 6 Hz
 QUIET_S = 0.5  # over which a force's ordinary change from sample to sample is known
 SAME = (0.7, 1.3)  # a zero that moved stays where it is: so much of the jump is still there afterwards
 ANSWER_N = 0.7  # by which the softest arm's pull changes within the 1.6 cm that a hand gives way, 60 N/m
-LIGHT_N = 0.5  # a share that weighs less says nothing
+LIGHT_N = 1.25  # a share that weighs less is none: where nothing weighs along the axes, this is a sensor's bias, up to 1 N
 HANGS_N = 4.0  # below this a partner's arm, dragged along at 0.1 m/s, pulls as much as the object weighs: only what sinks tells
 ALONE_SHARE = 0.35  # of its share: within this of carrying all alone, where that is less than `alone_n`
 LACKS = (0.02, 0.12)  # of his share: who carries less by so much begins to count as letting go, and counts wholly;
@@ -32,6 +33,9 @@ LED_DOWN = 2.0  # times as fast as taught, at most, while he lacks no more than
 HELPS, LETS = 0.5, 0.9  # of his share; from the second on it is no leading down
 PULLS, LACK_PEAK_S = 0.3, 4.0  # so much of his share was a pull, and is remembered so long
 YIELDS, PEAK_S = 0.8, 0.5  # of a push's peak, which is forgotten within so long
+ZERO_TICKS = 50  # of rest, over which a bias is known
+PULL_S = 0.06  # over which a pull is averaged: sensors are as noisy as 0.5 N
+LED_ALONE_N, LED_ALONE_S = 0.6, 0.25  # a hand that leads and meets less for so long leads nobody: an arm gives 1.2 N at 0.08 m/s
 AGAIN_S = 0.1  # he carries again, for so long: what was sunk is forgotten
 LIVELY = 8  # changes of a reading before it is known as one that never repeats itself:
 FINE = 0.25  # its smallest change is less than this of the mean one; steps of a coarse sensor are all as large
@@ -119,6 +123,52 @@ class LetGo:
         """Still alone after the hand gave way from where the pull was `before`: a person's changes with the way."""
         pull = self.pull()
         return length(pull) < min(self._alone_n, ALONE_SHARE * self.load) and apart(pull, before) < ANSWER_N
+
+
+class Missing:
+    """Whether nobody holds the other end any more, where the object weighs nothing along the axes.
+
+    A hand that leads is resisted: F against the motion, by an arm's damping. Where the partner is gone nothing is left but the
+    object's own inertia, F = -(1 - s) m a, and the sensor's bias. The bias is what is felt at rest, before anything has moved;
+    s m a is F - F_s, whatever the mass: `pull` [N] is 2 F - F_s without the bias, mean over `PULL_S`.
+
+    A hand that is led gently is pulled by as little as nobody pulls: there F itself must be next to nothing, and somebody must
+    have been there in this motion. A hand that leads must have `met` somebody since it began.
+    """
+
+    def __init__(
+        self, n_axes: int, *, nobody_n: float, nobody_s: float, held_n: float, fast_m_per_s: float, moving_m_per_s: float,
+        bias_n: float,
+    ) -> None:  # fmt: skip
+        """`bias_n`: more than this at rest is somebody who pulls."""
+        self._nobody_n, self._nobody_s, self._held_n, self._bias_n = nobody_n, nobody_s, held_n, bias_n
+        self._fast_m_per_s, self._moving_m_per_s = fast_m_per_s, moving_m_per_s
+        self.zero, self.pull, self.known = [0.0] * n_axes, [0.0] * n_axes, 0.0
+        self.held, self.met, self.alone_s, self.mistakes = False, False, 0.0, 0.0
+
+    def step(self, sensed: Sequence[float], force: Sequence[float], speed: float, leads: float, period: float) -> bool:
+        """Of one tick's F_s, where it is a number, and F [N]; `leads`: 1 where the skill goes by itself, all of it."""
+        size = length(force)
+        felt = [2.0 * f - s if isfinite(s) else f for s, f in zip(sensed, force, strict=True)]
+        if speed < self._moving_m_per_s:
+            self.held = False
+            if self.known < ZERO_TICKS and 0.0 < size < self._bias_n:  # 0: the force is not known yet
+                self.known += 1.0
+                self.zero = [z + (f - z) / self.known for z, f in zip(self.zero, felt, strict=True)]
+        share = min(period / PULL_S, 1.0)
+        self.pull = [p + share * (f - z - p) for p, f, z in zip(self.pull, felt, self.zero, strict=True)]
+        if leads >= 1.0:
+            nobody, lasts = length(self.pull) < LED_ALONE_N, LED_ALONE_S * AGAIN[min(int(self.mistakes), 2)]
+        else:
+            nobody, lasts = size < self._nobody_n, self._nobody_s
+        self.held, self.met = self.held or size > self._held_n, self.met or size > self._held_n
+        gone = nobody and (self.met if leads >= 1.0 else self.held)
+        self.alone_s = self.alone_s + period if gone and speed > self._fast_m_per_s else 0.0
+        return self.alone_s > lasts
+
+    def mistaken(self) -> None:
+        """Somebody answered the hand that stopped, as who goes along by themselves do: next time this must last longer."""
+        self.held, self.met, self.alone_s, self.mistakes = False, False, 0.0, self.mistakes + 1.0
 
 
 class Sinking:

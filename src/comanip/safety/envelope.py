@@ -32,13 +32,12 @@ from ..signals.vectors import apart, length
 from .bounds import Bounds
 from .checker import Checker
 from .compiled_tick import LENT, MOST_AXES, CompiledTick, Lending
-from .detectors import Jump, LetGo, Pushed, Shaking, Sinking, Stuck
+from .detectors import Jump, LetGo, Missing, Pushed, Shaking, Sinking, Stuck
 from .limits import Limits
-from .situation import BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation, taught_by
+from .situation import ABSURD, BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation, leading_of, taught_by
 
 NAMES = ("RUN", "COMPLY", "HOLD")
 SAME_SAMPLE = 1e-3  # of a period: a stamp that advances by less is the same sample again, and its clock is not believed
-ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
 
 
 class Envelope(Copied, Situation, Bounds, Lending):
@@ -81,7 +80,7 @@ class Envelope(Copied, Situation, Bounds, Lending):
         self._frozen: dict[str, Array] | None = None
         self._compiled: Any = None
         self._is_lent = self._ran = False
-        self._taught = taught_by(skill, self._d)
+        self._taught, self._leading, self._leads = taught_by(skill, self._d), leading_of(skill), 0.0
         self._restart(0.0, [0.0] * d)
         self._fault("not started")
         self._link()
@@ -185,7 +184,7 @@ class Envelope(Copied, Situation, Bounds, Lending):
             return f"policy: {error!r}"
         self._take_back()
         self._frozen = {name: array.copy() for name, array in shown.items()}
-        self.skill, self._taught = skill, taught_by(skill, self._d)
+        self.skill, self._taught, self._leading = skill, taught_by(skill, self._d), leading_of(skill)
         self._confidence[0] = 0.0
         return ""
 
@@ -227,16 +226,21 @@ class Envelope(Copied, Situation, Bounds, Lending):
         self._known = True
         self._senses = [0.0] * d
         self._energy = self.limits.energy_j
-        self._blocked_ns = self._impact_s = self._alone_s = self._rest_s = 0.0
+        self._blocked_ns = self._impact_s = self._rest_s = 0.0
         self._felt, self._at_first, self._rate, self._ticks = [0.0] * d, [0.0] * d, [0.0] * d, 0
         self._cause, self._bound, self._pulled = [0.0] * d, inf, [0.0] * d
-        self._held, self._feels_s, self._sinks_s = False, 0.0, 0.0
+        self._feels_s, self._sinks_s = 0.0, 0.0
         self._passes, self._passed, self._passed_s = False, "", 0.0
         self._wait_s = self._sinks_wait_s = self.limits.passed_s
         limits = self.limits
         self._let_go = LetGo(
             d, self._dt, alone_n=limits.alone_n, alone_s=limits.alone_s, steady_n_s=limits.steady_n_s,
             stands_m_s=limits.stands_m_per_s,
+        )  # fmt: skip
+        self._missing = Missing(
+            d, nobody_n=limits.let_go_n, nobody_s=limits.let_go_s, held_n=limits.held_n,
+            fast_m_per_s=limits.let_go_m_per_s, moving_m_per_s=limits.moving_m_per_s,
+            bias_n=limits.tare_n,
         )  # fmt: skip
         self._sinking, self._pushed = Sinking(limits.alone_n), Pushed(limits.pushed_n)
         self._stuck = Stuck(d, limits.stuck_s, limits.stuck_m)
@@ -303,6 +307,7 @@ class Envelope(Copied, Situation, Bounds, Lending):
         if self._lends() and self._step_compiled(obs, command):
             return
         self._take_back()
+        self._leads = float(self._leading[0])
         period, fresh, late = self._clock(obs)
         self._impact_s -= period
         if fresh:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,9 @@ BLOCKED, LOST = "blocked", "let go"
 HANGING, HANGING_N = 0.12, 0.6  # within this share of the object, or so many newtons, of the whole it hangs
 EDGE_M = 0.01  # nearer than this to a wall it is said
 SUNK = 0.9  # of what it may sink; nearer to its end it only creeps
+ANSWERS_N, ANSWERS_S = 0.9, 0.2  # a hand that stopped because nobody held is answered by so much, so long; a swing is shorter
 SINKS_S = 0.6  # it creeps at the end of what it may sink, and nobody answers, carries or pulls harder
+ABSURD = 1e6  # no sensor of a robot says such a number, in any unit
 AGAIN_S = 8.0  # the longest wait before it tries again whether what blocked it has gone
 
 
@@ -29,19 +32,25 @@ def taught_by(skill: Skill, n_axes: int) -> Array:
     return taught if isinstance(taught, np.ndarray) and taught.shape == (n_axes,) else np.zeros(n_axes)
 
 
+def leading_of(skill: Skill) -> Array:
+    """(1,) How much of the motion the skill means by itself, 0 to 1, as it says each tick; 0 of one that does not say."""
+    leading = getattr(skill, "leading", None)
+    return leading if isinstance(leading, np.ndarray) and leading.shape == (1,) else np.zeros(1)
+
+
 class Situation:
     """A part of `Envelope`."""
 
     def _watch(self: Any, obs: Observation, period: float) -> None:
         """What the force says about the situation; and whether what stopped the hand has passed."""
         if self._state == RUN:
-            self._look(period)
+            self._look(obs, period)
         elif self._state == COMPLY:
-            self._feel(period)
+            self._feel(obs, period)
         if self._state != RUN and self._passes:
             self._recover(obs, period)
 
-    def _look(self: Any, period: float) -> None:
+    def _look(self: Any, obs: Observation, period: float) -> None:
         """Blocked, let go, sinking, pushed, shaken, wrongly tared."""
         limits = self.limits
         speed, size = length(self._v), length(self._force)
@@ -55,7 +64,7 @@ class Situation:
             self._pushed = Pushed(limits.pushed_n)
         self._press(speed, period)
         if self._let_go.load <= LIGHT_N:
-            self._miss(speed, size, period)
+            self._miss(obs, speed, period)
         self._shaking.step(self._force, period)
         if self._ticks < 5:  # before anybody can have moved; later the hand leans on the partner until F is 0 again
             self._ticks += 1
@@ -86,19 +95,17 @@ class Situation:
             self._wait_s = min(2.0 * self._wait_s, AGAIN_S)
             self._comply(BLOCKED)
 
-    def _miss(self: Any, speed: float, size: float, period: float) -> None:
+    def _miss(self: Any, obs: Observation, speed: float, period: float) -> None:
         """Somebody who was there and is no more, where the object weighs nothing along the axes."""
-        limits = self.limits
-        if speed < limits.moving_m_per_s:
-            self._held = False
-        self._held = self._held or size > limits.held_n
-        self._alone_s = self._alone_s + period if self._held and size < limits.let_go_n and speed > limits.let_go_m_per_s else 0.0
-        if self._alone_s > limits.let_go_s:
+        sensed = [f if abs(f) < ABSURD else nan for f in obs.sensor_force.tolist()]
+        if self._missing.step(sensed, self._force, speed, self._leads, period):
             self._comply(LOST)
 
-    def _feel(self: Any, period: float) -> None:
+    def _feel(self: Any, obs: Observation, period: float) -> None:
         """Complying; after a moment of it a wall is left behind, and an object that nobody holds is not."""
         self._shaking.step(self._force, period)
+        if self._reason == LOST:
+            self._miss(obs, length(self._v), period)
         self._sink(period)
         self._pushed.step(self._force, self._v, period)
         if self._pushed.work > self.limits.pushed_j and self._reason != BLOCKED:  # from a wall it is pushed indeed
@@ -127,8 +134,9 @@ class Situation:
         weighs = load > (LIGHT_N if self._reason in (GONE, SINKS) else HANGS_N)
         over = still < min(limits.pull_n, self._bound, 0.5 * load if weighs else limits.pull_n)
         if self._reason == LOST:
-            over = length(self._force) > 3.0 * limits.let_go_n
-        wait_s = self._wait_s if self._reason == BLOCKED else limits.passed_s
+            over = length(self._missing.pull) > ANSWERS_N
+        wait_s = ANSWERS_S if self._reason == LOST and self._leads >= 1.0 else limits.passed_s
+        wait_s = self._wait_s if self._reason == BLOCKED else wait_s
         if self._reason in (GONE, SINKS) and not over:
             # of nobody the whole object weighs on a hand that stands; less or more is somebody, who carries or leads down
             off = abs(dot(self._force, self._let_go.weight) / load - load)
@@ -159,6 +167,8 @@ class Situation:
             self._checker.start(self._at)
         if reason in (GONE, SINKS):
             self._sinks_wait_s = min(2.0 * self._sinks_wait_s, AGAIN_S)
+        if reason == LOST:
+            self._missing.mistaken()
         self._let_go.forget()
         self._sinking = Sinking(self.limits.alone_n)
         self._goes_on(reason)

@@ -6,13 +6,14 @@
 Both step at every tick with the same observation, so both know where the hand is. When another takes over, the velocity goes
 from what was sent last to what the new one wants, as a vector by no more than `takeover_m_per_s2` dt a tick; when it is
 there, the command passes unchanged, to the bit. The start is a takeover from rest. Whoever commands, no tick changes the
-velocity by more than `a_max_m_per_s2` dt.
+velocity by more than `a_max_m_per_s2` dt. Each sees an observation of its own, so neither spoils what the other sees.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from math import isfinite
+import time
+from collections.abc import Callable, Mapping
+from math import inf, isfinite
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,6 +24,7 @@ from ..signals.vectors import apart, length
 
 A, B = "a", "b"
 WHO = (A, B)
+SEEN = ("position", "velocity", "sensor_force", "force")
 SKILL = ("diagnostics", "stop_reason", "notice", "reset", "step")
 
 
@@ -43,9 +45,10 @@ class Arbiter:
     takeover_m_per_s2    the most that the velocity changes while another takes over [m/s^2]
     a_max_m_per_s2       the most that it ever changes [m/s^2]; the envelope's own, so that a law within it passes unchanged
     above, below, for_s  b takes over when the evidence has been above for so long, and gives back when below for so long
+    longest_s            how long the step of one may take [s of `clock`]; inf: nobody looks
 
-    One that raises, or commands what is not finite, loses the command to the other; where both do, the hand brakes. `notice` says
-    so. One that has `resume(obs)` is told by it that it commands again.
+    One that raises, commands what is not finite, or takes longer, loses the command to the other, until it is well again; where
+    both do, the hand brakes. `notice` says so. One that has `resume(obs)` is told by it that it commands again.
 
     Raises ParameterError for what is no Skill or out of range, MismatchError for parts made for another period or other axes.
     """
@@ -63,6 +66,8 @@ class Arbiter:
         above: float = 0.7,
         below: float = 0.3,
         for_s: float = 0.1,
+        longest_s: float = inf,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         for name, part in zip(WHO, (a, b), strict=True):
             check_has(part, f"skill {name}", SKILL, "comanip.interfaces.Skill")
@@ -71,6 +76,8 @@ class Arbiter:
             raise ParameterError(
                 f"takeover_m_per_s2 is {takeover_m_per_s2}, a_max_m_per_s2 {a_max_m_per_s2}; allowed: 0 < takeover <= a_max"
             )
+        if not longest_s > 0.0:
+            raise ParameterError(f"longest_s is {longest_s}; allowed: above 0, for example the control period {dt:g}")
         if not (0.0 <= below < above <= 1.0 and for_s >= 0.0 and dt > 0.0):
             raise ParameterError(
                 f"below {below}, above {above}, for_s {for_s}, dt {dt}; allowed: 0 <= below < above <= 1, dt > 0"
@@ -78,7 +85,9 @@ class Arbiter:
         self.axes, self.dt, self.evidence = tuple(axes), dt, evidence
         self.takeover_m_per_s2, self.a_max_m_per_s2 = takeover_m_per_s2, a_max_m_per_s2
         self._parts, self._above, self._below, self._for_s = (a, b), above, below, for_s
+        self._longest_s, self._clock = longest_s, clock
         self._commands = tuple(Command(len(axes)) for _ in WHO)
+        self._looks = tuple(Look(len(axes)) for _ in WHO)
         self._sent = np.zeros(len(axes))
         self._shown = {"arbiter.commander": np.zeros(1), "arbiter.joined": np.ones(1), "arbiter.evidence": np.zeros(1)}
         self._asked: str | None = None
@@ -106,24 +115,24 @@ class Arbiter:
     @property
     def diagnostics(self) -> Mapping[str, Array]:
         """Who commands (0: a, 1: b), whether its command passes, the evidence for b; and those of both, as "a.name", "b.name"."""
-        theirs = {
-            f"{name}.{key}": one for name, part in zip(WHO, self._parts, strict=True) for key, one in part.diagnostics.items()
-        }
+        theirs: dict[str, Array] = {}
+        for name, part in zip(WHO, self._parts, strict=True):
+            theirs |= {f"{name}.{key}": one for key, one in asked(part, "diagnostics", {}).items()}
         return {**self._shown, **theirs}
 
     @property
     def stop_reason(self) -> str:
-        return self._parts[self._who].stop_reason
+        return str(asked(self._parts[self._who], "stop_reason", ""))
 
     @property
     def notice(self) -> str:
         faults = [f"{name}: {why}" for name, why in zip(WHO, self._wrong, strict=True) if why]
-        return "; ".join(said for said in (*faults, self._parts[self._who].notice) if said)
+        return "; ".join(said for said in (*faults, str(asked(self._parts[self._who], "notice", ""))) if said)
 
     def reset(self, obs: Observation) -> None:
         self._forget()
-        for part in self._parts:
-            part.reset(obs)
+        for part, look in zip(self._parts, self._looks, strict=True):
+            part.reset(look.at(obs))
         if self.evidence is not None:
             self.evidence.reset(obs)
         measured = np.where(np.isfinite(obs.velocity), obs.velocity, 0.0)
@@ -145,9 +154,11 @@ class Arbiter:
 
     def _step_of(self, n: int, obs: Observation) -> str:
         """What is wrong with the command of one of them; empty where nothing is."""
-        one = self._commands[n]
+        one, began = self._commands[n], self._clock() if self._longest_s < inf else 0.0
         try:
-            self._parts[n].step(obs, one)
+            self._parts[n].step(self._looks[n].at(obs), one)
+            if self._longest_s < inf and (took := self._clock() - began) > self._longest_s:
+                return f"its step took {took:.3g} s; allowed: {self._longest_s:g} s"
             values = (*one.velocity.tolist(), *one.position.tolist(), *one.acceleration.tolist())
             fits = len(one.velocity) == len(one.position) == len(one.acceleration) == len(self._sent)
             return "" if fits and all(map(isfinite, values)) else "its command is not finite, or of another shape"
@@ -191,7 +202,7 @@ class Arbiter:
         if resume is None:
             return
         try:
-            resume(obs)
+            resume(self._looks[self._who].at(obs))
             self._wrong[self._who] = self._step_of(self._who, obs)
         except Exception as error:
             self._wrong[self._who] = repr(error)
@@ -216,6 +227,32 @@ class Arbiter:
         here = np.where(np.isfinite(obs.position), obs.position, command.position)
         command.position[:] = here + self.dt * self._sent
         command.acceleration[:] = 0.0
+
+
+class Look:
+    """An observation of one's own, as fresh as the loop's: whoever writes into it harms nobody else."""
+
+    def __init__(self, n_axes: int) -> None:
+        self._own, self._arrays = Observation(n_axes), tuple(np.zeros(n_axes) for _ in SEEN)
+
+    def at(self, obs: Observation) -> Observation:
+        """What is seen now; of other lengths it is taken as it is."""
+        own = self._own
+        own.time, own.force_time = obs.time, obs.force_time
+        for name, kept in zip(SEEN, self._arrays, strict=True):
+            seen = getattr(obs, name)
+            if seen.shape == kept.shape:
+                kept[:] = seen
+            setattr(own, name, kept if seen.shape == kept.shape else seen.copy())
+        return own
+
+
+def asked(part: Any, name: str, otherwise: Any) -> Any:
+    """What a part says of itself, or `otherwise` where that raises: nothing raises inside a tick."""
+    try:
+        return getattr(part, name)
+    except Exception:
+        return otherwise
 
 
 def _check_made_for(name: str, part: Any, axes: tuple[str, ...], dt: float) -> None:

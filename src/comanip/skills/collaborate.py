@@ -279,6 +279,7 @@ class CollaborativeSkill(Copied):
         self._expected, self._velocity, self._position, self._start, *_, self.taught = self._memory[: 8 * d].reshape(8, d)
         self._phase, self._rate, *_ = self._memory[8 * d :].reshape(7, 1)
         self._complies_only, self._outside, self._begun = False, 0.0, False
+        self.leading = np.zeros(1)  # for the envelope: 1 while it goes by itself
         self._link()
 
     def _link(self) -> None:
@@ -330,6 +331,7 @@ class CollaborativeSkill(Copied):
         else:
             self._outside = self._from_rest(position, goal, last_s)
         self._complies_only = bool(self._outside > self.law.reach_m)
+        self.leading[0] = float(self.role == "leader" and not self._complies_only)
         self._begun = True
         self._choose()
 
@@ -395,23 +397,12 @@ class CollaborativeSkill(Copied):
         self._rate[0] = (s - float(self._phase[0])) / self._dt
         self._phase[0] = s
         self.taught[:] = reference.that_way(x, self._compliance.velocity)
-        speed = length(velocity)
         if self._foresight.awake:
             self._foresight.step(x.tolist(), velocity)
-            if self._foresight.awake:
-                return self._as_foreseen(force, velocity, speed)
-        self._foreseen[:] = anticipated(law, reference, s, velocity, force.tolist())
-        return self._foreseen
-
-    def _as_foreseen(self, force: Array, velocity: list[float], speed: float) -> Array:
-        """Acceleration (d,) that takes the hand along with the plans: theirs, and what damping would take from their speed."""
-        law, seen = self.law, self._foresight
-        plans, changes = seen.velocity.tolist(), seen.acceleration.tolist()
-        along = dot(force.tolist(), plans) / max(length(plans), 1e-3)
-        share = law.foresight * seen.sure * min(max((along + 2.0) / 1.5, 0.0), 1.0)
-        damped = law.moving_damping_ns_per_m / law.virtual_mass_kg
-        for i, (a, v) in enumerate(zip(changes, plans, strict=True)):
-            self._foreseen[i] = share * (a + damped * v)
+        if self._foresight.awake:
+            self._foreseen[:] = self._foresight.foreseen(law, force.tolist())
+        else:
+            self._foreseen[:] = anticipated(law, reference, s, velocity, force.tolist())
         return self._foreseen
 
 

@@ -233,6 +233,14 @@ class Foresight(Copied):
         told[AWAKE], told[TRIED], told[SURE], told[DEPARTS] = 0.0, tries, 0.0, 0.0
         self.velocity[:] = self.acceleration[:] = 0.0
 
+    def foreseen(self, law: CollaborativeLaw, force: list[float]) -> list[float]:
+        """Acceleration (d,) that takes the hand along with the plans: theirs, and what damping would take from their speed."""
+        plans = self.velocity.tolist()
+        along = dot(force, plans) / max(length(plans), 1e-3)
+        share = law.foresight * self.sure * min(max((along + 2.0) / 1.5, 0.0), 1.0)
+        damped = law.moving_damping_ns_per_m / law.virtual_mass_kg
+        return [share * (a + damped * v) for a, v in zip(self.acceleration.tolist(), plans, strict=True)]
+
 
 def _sum(values: Array) -> float:
     """In the order of the values: numpy's own sum takes them in pairs."""

@@ -34,7 +34,7 @@ class Kept:
 
     _answers, _gave_way, _put_back = Number("answers", int), Number("gave_way", bool), Number("put_back", bool)
     _reached, _push, _meant, _outside = (Number(name, float) for name in ("reached", "push", "meant", "outside"))
-    _complies_only = Number("complies_only", bool)
+    _gives, _complies_only = Number("gives", bool), Number("complies_only", bool)
 
     def _keep(self, n_axes: int) -> None:
         wide = max(n_axes, MOST_AXES)

@@ -1,10 +1,8 @@
-"""Who leads? Evidence from the learned models, and a skill that leads or follows by it.
+"""A skill that leads or follows, as the partner leaves it to do.
 
-`RoleEvidence` keeps a probability over what the robot is just now: the leader (force as in the leader's lessons), the follower
-(as in the follower's), sharing (as in natural lessons, if there are any), or neither. `RoleSkill` begins as it is told, or as
-a follower when it is told nothing: it follows whoever moves, takes over when nobody does, and gives way to a partner who
-insists. Between the two it is one law all the time, with one compliance state, so a change of role is a change of numbers and
-never a jump:
+`RoleSkill` begins as it is told, or as a follower when it is told nothing: it follows whoever moves, takes over when nobody
+does, and gives way to a partner who insists. Between the two it is one law all the time, with one compliance state, so a change
+of role is a change of numbers and never a jump:
 
     M(a) dc/dt = dz(F - a F_r) - D(a) c        v = a (s' v_r(s) + lambda (x_r - x)) + c        |da/dt| <= 1 / blend_s
 """
@@ -17,16 +15,11 @@ from math import isfinite, nan
 
 import numpy as np
 
-from ..errors import MismatchError
 from ..interfaces import Array, Command, Observation
 from ..kernels import layouts
 from ..kernels.copies import Copied
-from ..models.filtering import ForwardFilter
-from ..models.hmm import Hmm
-from ..signals.exponential import exponential, logarithm
-from ..signals.vectors import dot, length, plain_sum
+from ..signals.vectors import dot, length
 from .collaborate import (
-    ABSURD,
     LED_S,
     SAID_M,
     CollaborativeLaw,
@@ -40,136 +33,16 @@ from .collaborate import (
     off_path,
 )
 from .compliance import command_velocity, untaught
-from .foresight import anticipated
+from .evidence import RoleEvidence
+from .foresight import Foresight, anticipated
 from .kept import FOLLOWS, LEADS, PROBES, Kept
 from .reference import PhaseReference
 from .whereabouts import Whereabouts
 
-GAINS = (0.1, 0.2, 0.4, 0.8)  # how strong this partner is beside those of the lessons
 LATER = 1.5  # other people rest longer than those of the lessons
 AROUND_S = 1.0  # so much of the path around where it is thought to be may be where it is
 BIAS_S = 1.5  # how fast a force at rest, before the first motion, is taken for the sensor's
 PULL_S = 0.08  # smoothing of the force that decisions are made on
-GROUPS = ("position", "force", "velocity")
-
-
-@dataclass(frozen=True)
-class Doubts:
-    """What a tick is worth as evidence. A living partner pulls 2 N where a teacher pulled 9: only the pattern tells the role."""
-
-    force_n: float = 1.0  # noise, bias and tremor of the force
-    velocity_m_per_s: float = 0.05
-    position_share: float = 0.125  # of the taught range: other people lift from elsewhere to elsewhere
-    memory_s: float = 0.1  # samples closer than this repeat each other
-    switch_s: float = 3.0  # roles change no oftener than about this
-    gate: float = 20.0  # [nats] most that one sample may say
-
-
-class RoleEvidence(Copied):
-    """Probability of each role, updated tick by tick: a bank of forward filters, one a role and partner's strength.
-
-    Each filter is the role's HMM with its forces scaled by a gain and its covariance widened by the doubts; its predictive
-    log-likelihood, tempered by memory, is the evidence. "neither" is a broad Gaussian around all roles.
-
-    models   role -> Hmm with channels "position.*", "force.*", "velocity.*" of the same axes
-    names    the roles, then "neither"; probabilities (len(names),) are in this order
-    """
-
-    ANEW = ("bank",)
-
-    def __init__(self, models: Mapping[str, Hmm], *, dt: float, doubts: Doubts = Doubts()) -> None:
-        channels = {m.channels for m in models.values()}
-        if len(channels) != 1:
-            raise MismatchError(f"roles can be compared only over the same channels; got {sorted(channels)}")
-        self.names = (*models, "neither")
-        self._dt, self._doubts = dt, doubts
-        means = np.concatenate([m.means for m in models.values()])
-        variances = np.concatenate([np.einsum("kii->ki", m.covariances) for m in models.values()])
-        order = next(iter(models.values())).channels
-        groups = np.array([c.split(".")[0] for c in order])
-        self._centre = means.mean(axis=0)
-        self._spread = np.sqrt(2.25 * _of_group(groups, means.var(axis=0) + variances.mean(axis=0)))
-        noise = self._noise(groups, means)
-        self._filters = [ForwardFilter(_heard(model, gain, noise), GROUPS) for model in models.values() for gain in GAINS]
-        place = [order.index(c) for c in self._filters[0].channels]
-        self._centre, self._spread = self._centre[place], self._spread[place]
-        n = len(self._filters) + 1
-        self._prior = np.full(n, 1.0 / (len(self.names) * len(GAINS)))
-        self._prior[-1] = 1.0 / len(self.names)
-        self._p, self._until = self._prior.copy(), np.zeros(1)
-        self.probabilities = np.zeros(len(self.names))
-        self._link()
-        self.reset()
-
-    def _link(self) -> None:
-        self.bank, dt, doubts = None, self._dt, self._doubts  # all of this for a compiled tick
-        if all(one.compiled is not None for one in self._filters):
-            numbers = np.array([dt, dt / doubts.switch_s, dt / doubts.memory_s, doubts.gate])
-            filters = tuple(one.compiled for one in self._filters)
-            self.bank = (filters, self._prior, self._centre, self._spread, numbers, self._p, self.probabilities, self._until)
-
-    def _noise(self, groups: Array, means: Array) -> Array:
-        places = means[:, groups == "position"]
-        range_m = float(np.linalg.norm(places[:, None] - places[None], axis=2).max())  # of one axis: the range of its centres
-        size = {"force": self._doubts.force_n, "velocity": self._doubts.velocity_m_per_s}
-        return np.array([size.get(group, self._doubts.position_share * range_m) for group in groups])
-
-    def reset(self) -> None:
-        for one in self._filters:
-            one.reset()
-        self._p[:] = self._prior
-        self._until[0] = 0.0
-        self._tell()
-
-    def step(self, seen: Array, elapsed_s: float) -> None:
-        """Takes in position, force and velocity, (3 d,) in this order, NaN for missing; `elapsed_s` since the last call."""
-        self._until[0] -= elapsed_s
-        if self._until[0] > 1e-9:
-            return
-        seen = np.where(np.abs(seen) < ABSURD, seen, np.nan)  # counts as missing
-        while self._until[0] <= 1e-9:  # a slower loop says each sample for all the time that it stood for
-            self._until[0] += self._dt
-            self._hear(seen)
-        self._tell()
-
-    def _hear(self, seen: Array) -> None:
-        for one in self._filters:
-            one.step(seen)
-        said = [*(one.last_log_likelihood for one in self._filters), self._of_neither(seen.tolist())]
-        best, doubts = max(said), self._doubts
-        change, worth = self._dt / doubts.switch_s, self._dt / doubts.memory_s
-        p = [
-            ((1.0 - change) * p + change * prior) * exponential(max(log_l - best, -doubts.gate) * worth)
-            for p, prior, log_l in zip(self._p.tolist(), self._prior.tolist(), said, strict=True)
-        ]
-        total = plain_sum(p)
-        self._p[:] = [one / total for one in p]
-
-    def _of_neither(self, seen: list[float]) -> float:
-        """Log-density of the broad Gaussian, missing channels integrated out."""
-        log_density = 0.0
-        for x, centre, spread in zip(seen, self._centre.tolist(), self._spread.tolist(), strict=True):
-            if isfinite(x):
-                off = (x - centre) / spread
-                log_density -= 0.5 * off * off + logarithm(2.5066 * spread)
-        return log_density
-
-    def _tell(self) -> None:
-        """A role's probability is that of all its strengths."""
-        p, n = self._p.tolist(), len(GAINS)
-        self.probabilities[:] = [plain_sum(p[i : i + n]) for i in range(0, len(p), n)]
-
-
-def _of_group(groups: Array, variances: Array) -> Array:
-    """The mean variance of a channel's group, for each channel: the same however the axes are turned."""
-    return np.array([variances[groups == group].mean() for group in groups])
-
-
-def _heard(model: Hmm, gain: float, noise: Array) -> Hmm:
-    """The role's model as a partner of this strength would sound, `noise` (D,) added."""
-    scale = np.array([gain if c.startswith("force.") else 1.0 for c in model.channels])
-    covariances = model.covariances * scale[:, None] * scale + np.diag(noise**2)
-    return replace(model, means=model.means * scale, covariances=covariances)
 
 
 @dataclass(frozen=True)
@@ -183,16 +56,17 @@ class RolePolicy:
     finished_m: float = 0.02  # less of the way to the shortest lesson's end, and the task is done; so is one that was put back
     probe_n: float = 1.2  # taking over begins with a push that grows to this,
     probe_at_start_n: float = 1.8  # to this where nobody has moved yet,
-    probe_most_n: float = 4.5  # and there, if nothing moves, to this;
+    probe_most_n: float = 4.5  # and there, until something moves, to this;
     probe_n_per_s: float = 2.5  # so fast
     nudge_m: float = 0.007  # so much is a motion
-    settles_s: float = 0.6  # then a spring has been stretched, and a person has felt it
-    probe_s: float = 0.5  # in so long who gives way goes on
-    progress_m: float = 0.003  # by this much at least; who keeps the place does not
+    settles_s: float = 0.7  # then a spring has been stretched, and a person has felt it
+    probe_s: float = 1.2  # in so long who gives way goes on
+    progress_m: float = 0.006  # by this much at least; who keeps the place does not, but for the unrest of the arm
     probe_damping_ns_per_m: float = 8.0  # a hand that does not hold itself
     elsewhere_m: float = 0.05  # so far from an answered offer is another place
     held_m_per_s: float = 0.01  # leading, but slower than this against a pull: he holds
     held_s: float = 0.6
+    elsewhere_n: float = 2.2  # told nothing, and at the end of the way: who pulls more for so long wants to be elsewhere
     offers_at_start: int = 2  # who was not ready is asked again; anywhere else, who keeps the place is asked once
     insist_n: float = 3.0  # resistance that is more than the other's inertia ...
     insist_ns_per_m: float = 70.0  # ... and damping is a will of his own
@@ -252,11 +126,14 @@ class RoleSkill(Copied, Kept):
         self.axes, self.dt, self._dt, d = tuple(axes), dt, dt, len(axes)
         self._laws = [_between(following, leading, n / 50.0) for n in range(51)]
         # an offer must not be held up by what keeps a resting hand still
+        self._asking = replace(leading, resting_damping_ns_per_m=leading.moving_damping_ns_per_m, dead_zone_n=0.0)
+        # and what is moved by it must show by itself whether it goes on; a wall would shake such a hand
         given = policy.probe_damping_ns_per_m
         self._offering = replace(following, resting_damping_ns_per_m=given, moving_damping_ns_per_m=given, dead_zone_n=0.0)
         self._pace = Pace(references, leading, dt)
         self._where = Whereabouts(self._pace.references, dt)
         self._compliance = Compliance(d, dt)
+        self._foresight = None if leads else Foresight(dt, d, self._pace.references)
         self._memory = memory(d)
         self._expected, self._velocity, self._position, self._start, *others = self._memory[: 8 * d].reshape(8, d)
         self._reference, self._pull, self._bias, self.taught = others
@@ -265,6 +142,7 @@ class RoleSkill(Copied, Kept):
         told[0] = -1.0 if goal is None else goal
         self._nothing, self._seen = np.zeros(d), np.zeros(3 * d)
         self._keep(d)
+        self.leading = self._blend  # for the envelope
         self._begun = False
         self._link()
 
@@ -272,7 +150,8 @@ class RoleSkill(Copied, Kept):
         shared = [getattr(self.policy, name) for name in layouts.BLOCKS["policy"]]
         self._compiled = compiled(
             self._watch, self._pace, self._compliance, self._where, self._memory, self._dt, following=self._laws[0],
-            policy=shared, pull_s=PULL_S, bias_s=BIAS_S, bank=self.evidence and self.evidence.bank, role=self.kept,
+            policy=shared, pull_s=PULL_S, bias_s=BIAS_S, bank=self.evidence and self.evidence.bank, foresight=self._foresight,
+            role=self.kept,
         )  # fmt: skip
         self._tick: Callable[..., bool] | None = self._compiled.by_role if self._compiled is not None and self._begun else None
 
@@ -323,7 +202,8 @@ class RoleSkill(Copied, Kept):
         else:
             self._outside = self._from_rest(position, goal, last_s)
         self._state = LEADS if self._told_to_lead or led else FOLLOWS
-        self._answers, self._place = 0, None
+        self._gives, self._answers = False, 0
+        self._place = None
         self._gave_way = self._put_back = False
         self._reached = self._push = 0.0
         self._complies_only = self._outside > self._pace.law.reach_m
@@ -339,6 +219,8 @@ class RoleSkill(Copied, Kept):
         self._position[:] = self._start[:] = position
         self._compliance.reset()
         entry_s = [r.entry(position, last_s) for r in self._pace.references]
+        if self._foresight is not None:
+            self._foresight.reset(position.tolist(), begins=entry_s[goal] <= 0.0)
         self._where.reset(position, goal, entry_s)
         self._pace.start(entry_s[goal], position, goal=goal, waits_s=self._pace.law.start_delay_s)
         self._phase[0] = entry_s[goal]
@@ -369,15 +251,31 @@ class RoleSkill(Copied, Kept):
         a, reference = self._blended(), self._nothing
         if a > 0.0:
             reference = self._led(x, force)
-        law = self._offering if self._state == PROBES else self._laws[round(50 * a)]
+        asks = self._offering if self._gives else self._asking
+        law = asks if self._state == PROBES else self._laws[round(50 * a)]
         going = self._meant * self._pace.going if self._state == LEADS else None
-        follows, ahead = self._state == FOLLOWS and not self._complies_only, self._nothing
+        follows, ahead, departs = self._state == FOLLOWS and not self._complies_only, self._nothing, 0.0
         astray = untaught(self._compliance.velocity, self.taught) if follows else 0.0
         if follows and a == 0.0:
-            where, velocity = self._where, self._compliance.velocity.tolist()
-            ahead = np.array(anticipated(law, self._pace.references[where.goal], where.phase, velocity, force.tolist()))
-        self._compliance.step(law, force - self._expected, reference, ahead, going=going, untaught=astray)
+            whole = isfinite(obs.position.sum()) and isfinite(obs.force.sum())
+            ahead, departs = self._ahead(law, x.tolist(), force.tolist(), whole)
+        self._compliance.step(law, force - self._expected, reference, ahead, departs, going, astray)
         command_velocity(law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
+
+    def _ahead(self, law: CollaborativeLaw, x: list[float], force: list[float], whole: bool) -> tuple[Array, float]:
+        """What a follower does by itself: acceleration (d,), and how fast a resting hand counts as moving. Of a sample from which
+        something is missing nothing is heard."""
+        seen, where, velocity = self._foresight, self._where, self._compliance.velocity.tolist()
+        reference, departs = self._pace.references[where.goal], 0.0
+        if seen is not None and law.foresight > 0.0:
+            if whole:
+                seen.hears(x, velocity, force, reference, where.phase)
+            if seen.awake:
+                seen.step(x, velocity)
+            departs = seen.departs * law.moving_speed_m_per_s
+            if seen.awake:
+                return np.array(seen.foreseen(law, force)), departs
+        return np.array(anticipated(law, reference, where.phase, velocity, force)), departs
 
     def _blended(self) -> float:
         """a moves toward its role's end no faster than 1 / blend_s."""
@@ -409,17 +307,19 @@ class RoleSkill(Copied, Kept):
         speed, pull = _length(self._velocity), _length(self._pull)
         resting = speed < policy.resting_m_per_s and pull < policy.resting_n
         self._rest_s[0] = self._rest_s[0] + self._dt if resting else 0.0
-        self._moved[0] = self._moved[0] or _length(x - self._start) > 0.02
-        if resting and not self._moved[0]:  # nobody means what is felt before anybody has moved
-            self._bias += self._dt / BIAS_S * self._pull
         if self._place is not None and _length(x - self._place) > policy.elsewhere_m:
             self._answers, self._place = 0, None
+        if self._place is None:  # beside an offer the robot's own push has moved the hand
+            self._moved[0] = self._moved[0] or _length(x - self._start) > 0.02
+        if resting and not self._moved[0]:  # nobody means what is felt before anybody has moved
+            self._bias += self._dt / BIAS_S * self._pull
         patience = policy.midway_patience_s if self._moved[0] else policy.start_patience_s
         offers = policy.offers_at_start if _length(x - self._start) <= policy.elsewhere_m else 1
         if self._rest_s[0] >= patience and self._unfinished() and self._answers < offers and not self._was_put_back(x):
             self._place = x.copy()
             self._way[:] = self.reference.heading(self._where.phase)
             self._reached = self._push = self._meant = self._held_s[0] = 0.0
+            self._gives = False
             self._begin(PROBES)
 
     def _unfinished(self) -> bool:
@@ -439,6 +339,7 @@ class RoleSkill(Copied, Kept):
         policy = self.policy
         assert self._place is not None
         far, along = _dot(x - self._place, self._way), _dot(self._pull, self._way)
+        self._gives = self._gives or far > 0.5 * policy.nudge_m
         if self._rest_s[0] == 0.0 and self._push < self._most_push(far):
             self._push += policy.probe_n_per_s * self._dt
         else:
@@ -471,10 +372,15 @@ class RoleSkill(Copied, Kept):
         asks = policy.resting_m_per_s if going else self._pace.law.attraction_per_s * policy.finished_m
         under_way = self._pace.clock[LED_S] > policy.insist_s and self._meant >= 1.0 and _length(wanted) > asks
         held = under_way and speed < policy.held_m_per_s and _length(self._pull) > policy.resting_n
+        # a sensor's offset is known only of a start at rest: who was told to lead stands by its end
+        held = held or (self._foresight is not None and not going and self._ended() and _length(self._pull) > policy.elsewhere_n)
         self._held_s[0] = max(self._held_s[0] + (self._dt if held else -self._dt), 0.0)
         if self._answered(pushed or along > policy.ahead_n, policy.insist_s) or self._held_s[0] >= policy.held_s:
             self._place, self._answers, self._gave_way = None, 0, True
             self._begin(FOLLOWS)
+
+    def _ended(self) -> bool:
+        return self.reference.remaining_m(self._pace.phase) <= 0.0
 
     def _answered(self, against: bool, after_s: float) -> bool:
         self._against_s[0] = self._against_s[0] + self._dt if against else 0.0
@@ -482,6 +388,8 @@ class RoleSkill(Copied, Kept):
 
     def _begin(self, state: str) -> None:
         self._state, self._rest_s[0], self._against_s[0] = state, 0.0, 0.0
+        if state == FOLLOWS and self._foresight is not None:
+            self._foresight.reset(self._position.tolist(), begins=False)
 
 
 def _length(vector: Array) -> float:

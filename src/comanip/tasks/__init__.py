@@ -38,6 +38,8 @@ def named(task: str | Path | Task) -> Task:
     """A task that ships by its name, a user's own by its file; a Task is what it is."""
     if isinstance(task, Task):
         return task
+    if not isinstance(task, (str, Path)):
+        raise unknown("task", task, TASKS, ", or the path of your own .toml file")
     if str(task) in TASKS:
         return _kept(str(TASKS[str(task)]))
     if str(task).endswith(".toml") or Path(task).is_file():

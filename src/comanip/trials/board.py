@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from ..errors import ParameterError
+from ..parts import LAWS
 from ..people.kinds import KINDS
-from .cases import Case
+from .cases import ROLES, Case
 from .judging import success_interval
 from .people import USUAL
 from .policies import is_policy
@@ -32,7 +33,10 @@ def about(
     cases: Iterable[Case], laws: Sequence[str], *, version: str, files: Sequence[Path] = (), **asked: Any
 ) -> dict[str, Any]:
     """What a result needs to be repeated and compared: versions, what was asked, and hashes of partners, policies and skills."""
-    told = json.dumps([case.about() for case in cases], sort_keys=True, default=str)
+    met = list(cases)
+    by: dict[str, dict[str, list[Case]]] = {}
+    for case in met:
+        by.setdefault(case.task.name, {}).setdefault(case.role, []).append(case)
     hashes = {law: hash_of(law) for law in laws if is_policy(law)}
     return {
         "format": FORMAT,
@@ -40,10 +44,17 @@ def about(
         "numpy": np.__version__,
         "python": platform.python_version(),
         **asked,
-        "cases_sha256": hashlib.sha256(told.encode()).hexdigest(),
+        "cases_sha256": hash_of_cases(met),
+        "cases_by": {task: {role: hash_of_cases(some) for role, some in roles.items()} for task, roles in by.items()},
         "policies_sha256": hashes,
         "skills_sha256": {str(file): hash_of(file) for file in files},
     }
+
+
+def hash_of_cases(cases: Iterable[Case]) -> str:
+    """SHA-256 of all that is drawn of these partners."""
+    told = json.dumps([case.about() for case in cases], sort_keys=True, default=str)
+    return hashlib.sha256(told.encode()).hexdigest()
 
 
 def hash_of(file: str | Path) -> str:
@@ -107,6 +118,23 @@ class Entry:
         return f"{few} partners who behave < {LEAST_PARTNERS}" if few < LEAST_PARTNERS else ""
 
 
+def why_not(law: str, role: str) -> str:
+    """Why a board has no row of a law in a role."""
+    return "has to be told its role" if role == "auto" and law in LAWS and not LAWS[law].untold else "not tried"
+
+
+def grid(rows: Sequence[Row]) -> tuple[list[tuple[str, str]], dict[str, list[Row | None]]]:
+    """Tasks and roles that anybody was tried in, and by law its row of each; of several with other partners the largest."""
+    cells = sorted({(row.task, row.role) for row in rows}, key=lambda cell: (cell[0], ROLES.index(cell[1])))
+    best: dict[tuple[str, str, str], Row] = {}
+    for row in rows:
+        at = row.law, row.task, row.role
+        if at not in best or row.steady[1] > best[at].steady[1]:
+            best[at] = row
+    laws = [one.law for one in entries(rows)]
+    return cells, {law: [best.get((law, *cell)) for cell in cells] for law in laws}
+
+
 def gathered(folder: Path) -> list[Row]:
     """The rows of all results in a folder, and those below it.
 
@@ -161,7 +189,8 @@ def _row(file: Path, made: Mapping[str, Any], task: str, role: str, law: str, nu
     peak = numbers["peak_force_n"]
     if law in made["policies_sha256"]:  # two files may have one name
         law = f"{Path(law).name} {made['policies_sha256'][law][:8]}"
-    group = f"{made['cases_sha256']} {made['plant']}"
+    cases = made.get("cases_by", {}).get(task, {}).get(role, made["cases_sha256"])  # older results: of all roles in one
+    group = f"{cases} {made['plant']}"
     return Row(task, role, law, steady, safe, numbers["effort"], numbers["time_s"], peak, group, made, str(file))
 
 

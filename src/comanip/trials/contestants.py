@@ -121,17 +121,21 @@ def _straight(one: LearnedSkill) -> PhaseReference:
     return PhaseReference.minimum_jerk(references_of(one)[0])
 
 
+UNTAUGHT = {"anticipation": 0.0, "foresight": 0.0, "untaught_damping_ns_per_m": 0.0}  # of a follower: compliance alone
+
+
 def without_lessons(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
-    """The default law with a straight minimum jerk for what was learned; told nothing it has the path, and no evidence."""
+    """The default law with a straight minimum jerk for what was learned; told nothing it has the path to lead, no evidence, and
+    foresees nothing."""
     if role == "follower":
         one = learned[role]
-        return make_skill(one, axes=one.axes, dt=dt, law="default", role=role, envelope=False, anticipation=0.0)
+        return make_skill(one, axes=one.axes, dt=dt, law="default", role=role, envelope=False, **UNTAUGHT)
     one = learned["leader"]
     return RoleSkill(
         Watch(one.model, one.dt, dt),
         references_of(one) if role == "auto" else _straight(one),
         leading=CollaborativeLaw.for_role("leader"),
-        following=CollaborativeLaw.for_role("follower"),
+        following=CollaborativeLaw.for_role("follower", **UNTAUGHT),
         axes=one.axes,
         dt=dt,
         leads=role == "leader",

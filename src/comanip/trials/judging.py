@@ -24,6 +24,7 @@ FELL_M = 0.1  # from where it was when the partner began to let go
 NOTICED_S = 0.5  # within which letting go must have been noticed
 ROLE_WITHIN_S = 0.3  # after 1 cm of motion the role must be known
 MOVED_M = 0.01  # from here on the hand has moved
+ARRIVED_M = 0.02  # of the end: who is asked there whether to go on, and stays, has arrived all the same
 MOVING_M_PER_S = 0.02  # faster than this, the hand is in motion
 MISBEHAVING_N = 10.0  # so much more force is borne with who misbehaves
 OWN_WAY_M = 0.03  # so much nearer to an obstacle than a leading partner means to go, the hand may be pulled
@@ -51,6 +52,7 @@ class Verdict(NamedTuple):
     cycles: float = nan  # strokes or turns done; NaN for a task that is done once
     rest_error_s: float = 0.0  # by how much a rest on the way was longer or shorter than meant
     slowness: float = nan  # duration over what was meant: the leading partner's, or the usual one
+    arrived_s: float = nan  # from 1 cm after the start until the hand is within 2 cm of its end for good
 
     @property
     def success(self) -> bool:
@@ -141,13 +143,16 @@ class _Run:
 
     @property
     def came_to_rest_s(self) -> float:
-        moving = np.flatnonzero(_length(self.x - self.x[-1]) > MOVED_M)
+        return self._last_away_s(MOVED_M)
+
+    def _last_away_s(self, far_m: float) -> float:
+        moving = np.flatnonzero(_length(self.x - self.x[-1]) > far_m)
         return float(self.t[moving[-1]]) if len(moving) else 0.0
 
-    @property
-    def duration_s(self) -> float:
+    def lasting_s(self, within_m: float) -> float:
+        """From 1 cm after the start until it is within so much of its end for good."""
         gone = np.flatnonzero(_length(self.x - self.x[0]) > MOVED_M)
-        return self.came_to_rest_s - float(self.t[gone[0]]) if len(gone) else 0.0
+        return self._last_away_s(within_m) - float(self.t[gone[0]]) if len(gone) else 0.0
 
 
 def _length(vectors: Array) -> Array:
@@ -201,7 +206,7 @@ def judge(
         tilt_deg=float(np.degrees(_length(recording["beam.tilt"].values).max())),
         ripple_m_per_s=widest(run.v[last]) / 2.0,
         smoothness=log_dimensionless_jerk(run.v, run.dt),
-        duration_s=run.duration_s,
+        duration_s=run.lasting_s(MOVED_M),
         internal_force_n=float(_length(internal_force(mine, theirs)).mean()),
         effort_share=effort_share(mine, theirs),
         role_right=_role_right(case, recording, run),
@@ -210,7 +215,8 @@ def judge(
         visited=along.visited,
         cycles=along.cycles,
         rest_error_s=along.rest_error_s,
-        slowness=run.duration_s / along.meant_s,
+        slowness=run.lasting_s(MOVED_M) / along.meant_s,
+        arrived_s=run.lasting_s(ARRIVED_M),
     )
     failures = _failures(case, bound, stated["onset_s"], verdict, recording, run)
     failures += _off_the_way(case, verdict, along, lessons_clearance_m)

@@ -190,7 +190,7 @@ def judged(case: Case, recording: Recording, **about: Any) -> Met:
     if verdict.failures == DIVERGED.failures:
         return Met(verdict, verdict.failures, inf, inf)
     usual = tuple(reason for reason in verdict.failures if reason not in ("vibration", "too slow"))
-    shakes, took = verdict.vibration_n, max(verdict.duration_s, 0.0)
+    shakes, took = verdict.vibration_n, max(verdict.arrived_s, 0.0)
     asked = ((shakes, criteria.vibration_n, "vibration"), (took, criteria.time_s, "too slow"))
     return Met(verdict, usual + tuple(text for value, most, text in asked if value > most), shakes, took)
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ParameterError
+from ..errors import ParameterError, plain
 from ..interfaces import Array, Command, Observation
-from ..parts import unknown
+from ..parts import known
 from ..safety.limits import Limits
 
 ACTIONS = {"velocity": Limits.v_max_m_per_s, "acceleration": Limits.a_max_m_per_s2}  # and the most of each along an axis
@@ -37,9 +37,8 @@ class Seen:
     action: str = "velocity"
 
     def __post_init__(self) -> None:
-        if self.action not in ACTIONS:
-            raise unknown("action", self.action, ACTIONS)
-        if not (isinstance(self.history, int) and 1 <= self.history <= MOST_HISTORY):
+        known("action", self.action, ACTIONS)
+        if not (isinstance(self.history, int) and not isinstance(self.history, bool) and 1 <= self.history <= MOST_HISTORY):
             raise ParameterError(f"history is {self.history!r}; allowed: a whole number of ticks, 1 to {MOST_HISTORY}")
 
     @property
@@ -98,7 +97,7 @@ class Told:
     notice = ""
 
     def __init__(self, seen: Seen, *, dt: float) -> None:
-        self.dt, self._sums = dt, seen.action == "acceleration"
+        self.dt, self._sums, self._may = dt, seen.action == "acceleration", seen.most
         self._said, self._velocity, self._most = np.zeros(seen.n_axes), np.zeros(seen.n_axes), Limits.v_max_m_per_s
 
     @property
@@ -110,8 +109,8 @@ class Told:
         self._velocity[:] = 0.0
 
     def say(self, action: Array) -> None:
-        """(d,) [m/s], or [m/s^2], until the next."""
-        self._said[:] = action
+        """(d,) [m/s], or [m/s^2], until the next; beyond what may be said it is clipped, axis by axis."""
+        np.clip(action, -self._may, self._may, out=self._said)
 
     def step(self, obs: Observation, command: Command) -> None:
         v = self._velocity
@@ -125,14 +124,22 @@ class Told:
         command.acceleration[:] = 0.0
 
 
+def real(values: Any) -> Array:
+    """Numbers as float64. Raises for text, truth values, complex numbers and what is masked, of which numpy would make some."""
+    found = np.asarray(values)
+    if found.dtype.kind not in "fiu" or np.ma.is_masked(values):
+        raise TypeError
+    return found.astype(np.float64, copy=False)
+
+
 def checked(action: Any, seen: Seen) -> Array:
     """(d,) finite numbers within what may be said. Raises ParameterError that says what is wrong, before anything moved."""
     d, unit = seen.n_axes, "m/s" if seen.action == "velocity" else "m/s^2"
     allowed = f"allowed: ({d},) finite numbers of a {seen.action} [{unit}]"
     try:
-        values = np.asarray(action, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ParameterError(f"action is {action!r}; {allowed}") from None
+        values = real(action)
+    except Exception:  # whatever an array-like of somebody's raises
+        raise ParameterError(f"action is {plain(repr(action), 80)}; {allowed}") from None
     if values.shape != (d,):
         raise ParameterError(f"action has shape {values.shape}; {allowed}")
     if not np.isfinite(values).all():

@@ -68,22 +68,6 @@ export function sha256(content) {
   return h.map(x => (x >>> 0).toString(16).padStart(8, "0")).join("");
 }
 
-// Each channel of a take: name -> [key in the take, unit]
-const CHANNELS = {
-  "hand.position": ["position", "m"], "hand.velocity": ["velocity", "m/s"], "hand.sensor_force": ["sensor_force", "N"], "hand.force_estimate": ["force", "N"],
-  "command.velocity": ["command_velocity", "m/s"], "partner.force": ["pull_n", "N"], "partner.position": ["end_position", "m"], "beam.tilt": ["tilt", "rad"], "hand.true_force": ["true_force", "N"],
-};
-
-export function channelsOf(task, take) {
-  const axes = task.axes.map(axis => axis.name);
-  return Object.entries(CHANNELS).map(([name, [key, unit]]) => ({ name, unit, axes, rows: take[key] }));
-}
-
-// What stands with every recording: eq. (3) needs the object, and learning needs the role.
-export function aboutTake(task, extra) {
-  return { task: task.name, load_mass_kg: task.mass_kg, load_share: task.share, gravity_m_per_s2: task.gravity, made_by: "comanip page: a person at a pointer, exact beam", ...extra };
-}
-
 // Python's repr of a float, for numbers as large as these
 export function repr(x) {
   if (Number.isNaN(x)) return "nan";
@@ -91,17 +75,6 @@ export function repr(x) {
   if (Object.is(x, -0)) return "-0.0";
   const text = String(x);
   return /[.e]/.test(text) ? text : `${text}.0`;
-}
-
-// As formats/csv_file.write_csv.
-export function recordingCsv(task, take, extra) {
-  const channels = channelsOf(task, take), n = take.position.length;
-  const layout = Object.fromEntries(channels.map(c => [c.name, { unit: c.unit, frame: "task", axes: c.axes }]));
-  const first = `# comanip recording ${ascii(JSON.stringify({ version: 2, channels: layout, metadata: aboutTake(task, extra) }))}`;
-  const lines = [["time", ...channels.flatMap(c => c.axes.map(a => `${c.name}.${a}`))].join(",")];
-  for (let t = 0; t < n; t++) lines.push([repr(round(t * take.dt)), ...channels.flatMap(c => c.rows[t].map(repr))].join(","));
-  const body = lines.join("\n") + "\n";
-  return `${first}\n# sha256=${sha256(`${first}\n${body}`)}\n${body}`;
 }
 
 export function round(t) { return Math.round(t * 1e9) / 1e9; }

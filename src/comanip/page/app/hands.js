@@ -2,10 +2,13 @@
 
 import { clamp } from "./scene.js";
 
-const KEY_M_PER_S = 0.3, STICK_M_PER_S = 0.45, SPEEDS_UP_M_PER_S2 = 1.6, AHEAD_M = 0.11;
+const KEY_M_PER_S = 0.3, STICK_M_PER_S = 0.45, SPEEDS_UP_M_PER_S2 = 1.6, AHEAD_M = 0.11, WHEEL_M_PER_PX = 0.0002, LINE_PX = 16;
+const RELAXES_S = 0.8;
+// across, along, and into the picture: the axis that a flat picture has no room for
 export const KEYS = {
-  ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowRight: [1, 0], ArrowLeft: [-1, 0],
-  w: [0, 1], s: [0, -1], d: [1, 0], a: [-1, 0],
+  ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0], ArrowRight: [1, 0, 0], ArrowLeft: [-1, 0, 0],
+  w: [0, 1, 0], s: [0, -1, 0], d: [1, 0, 0], a: [-1, 0, 0],
+  e: [0, 0, 1], q: [0, 0, -1], PageUp: [0, 0, 1], PageDown: [0, 0, -1],
 };
 
 // takes() when somebody takes hold, lets() when somebody lets go; `here()` is where the handle is now (d,), from the start.
@@ -16,12 +19,15 @@ export class Hands {
     this.target = null; // (d,) of the pointer from the start [m]; null: nobody holds
     this.kind = "";
     this.keys = new Set();
-    this.speed = [0, 0];
+    this.speed = [0, 0, 0];
+    this.deep = 0; // [m] that wheel, keys or a second finger have moved into the picture since the handle was taken
+    this.second = null;
     this.events = 0;
     const canvas = scene.canvas;
     canvas.addEventListener("pointerdown", event => this.down(event));
     for (const name of ["pointermove", "pointerrawupdate"]) canvas.addEventListener(name, event => this.move(event));
     for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) canvas.addEventListener(name, event => this.up(event));
+    canvas.addEventListener("wheel", event => this.wheel(event), { passive: false });
     canvas.addEventListener("keydown", event => this.key(event, true));
     canvas.addEventListener("keyup", event => this.key(event, false));
     canvas.addEventListener("blur", () => this.keys.clear());
@@ -29,13 +35,14 @@ export class Hands {
   }
 
   down(event) {
-    if (event.button > 0 || this.target) return;
+    if (event.button > 0) return;
+    if (this.target) { this.secondFinger(event); return; }
     const box = this.scene.canvas.getBoundingClientRect(), x = event.clientX - box.left, y = event.clientY - box.top;
     const [hx, hy] = this.scene.handle ?? [x, y], reach = Math.max(60, 0.28 * this.scene.scale);
     if (Math.hypot(x - hx, y - hy) > reach) return;
     this.scene.canvas.setPointerCapture(event.pointerId);
     this.id = event.pointerId;
-    this.from = [event.clientX, event.clientY];
+    this.from = this.now = [event.clientX, event.clientY];
     this.begin = this.here();
     this.hold("pointer", this.begin.slice());
   }
@@ -43,18 +50,54 @@ export class Hands {
   hold(kind, target) {
     this.kind = kind;
     this.target = target;
+    this.deep = 0;
+    this.second = this.was = null;
+    this.steered = [false, false, false]; // by keys, sticks or a wheel since the handle was taken
+    this.speed.fill(0);
     this.takes();
   }
 
   move(event) {
+    if (this.second && event.pointerId === this.second.id) { this.dive(this.second.deep + (this.second.y - event.clientY) / this.scene.scale); return; }
     if (this.kind !== "pointer" || event.pointerId !== this.id) return;
     this.events++;
     this.when = event.timeStamp;
-    const by = this.scene.moved(event.clientX - this.from[0], event.clientY - this.from[1]);
+    this.now = [event.clientX, event.clientY];
+    this.point();
+  }
+
+  // The target is where the pointer shows, also where it has been moved into the picture since.
+  point() {
+    const by = this.scene.moved(this.now[0] - this.from[0], this.now[1] - this.from[1], this.deep);
     this.target = this.begin.map((x, n) => x + by[n]);
   }
 
+  // A second finger, up and down, while the first one holds
+  secondFinger(event) {
+    if (this.scene.depth < 0 || this.kind !== "pointer" || event.pointerId === this.id || this.second) return;
+    this.scene.canvas.setPointerCapture(event.pointerId);
+    this.second = { id: event.pointerId, y: event.clientY, deep: this.deep };
+  }
+
+  wheel(event) {
+    if (!this.target || this.scene.depth < 0) return;
+    event.preventDefault();
+    this.dive(this.deep - event.deltaY * (event.deltaMode === 1 ? LINE_PX : 1) * WHEEL_M_PER_PX);
+  }
+
+  // `metres` into the picture from where the handle was taken
+  dive(metres) {
+    const n = this.scene.depth;
+    if (n < 0 || !this.target) return;
+    if (metres !== this.deep) this.steered[2] = true;
+    const by = metres - this.deep, place = this.here()[n];
+    this.deep = metres;
+    if (this.kind === "pointer") this.point();
+    else this.target = this.target.map((x, i) => (i === n ? clamp(x + by, place - AHEAD_M, place + AHEAD_M) : x));
+  }
+
   up(event) {
+    if (this.second && event.pointerId === this.second.id) { this.second = null; return; }
     if (this.kind === "pointer" && event.pointerId === this.id) this.release();
   }
 
@@ -75,34 +118,51 @@ export class Hands {
     if (!KEYS[name]) return;
     event.preventDefault();
     if (!pressed) { this.keys.delete(name); return; }
+    if (KEYS[name][2] && this.scene.depth < 0) return;
     if (!this.target) this.hold("keys", this.here());
-    if (this.kind === "pointer") return;
-    this.kind = "keys";
+    if (this.kind === "pointer" && !KEYS[name][2]) return;
+    if (this.kind !== "pointer") this.kind = "keys";
     this.keys.add(name);
   }
 
   // Once a frame: keys and sticks move the pointer on at a speed, and never far ahead of the hand.
   step(seconds) {
-    const stick = this.gamepad();
-    if (!this.target || this.kind === "pointer") return;
-    let [across, along] = stick;
-    for (const name of this.keys) { across += KEYS[name][0] * KEY_M_PER_S; along += KEYS[name][1] * KEY_M_PER_S; }
-    const wanted = [across, along], place = this.here();
-    for (const n of [0, 1]) this.speed[n] += clamp(wanted[n] - this.speed[n], -SPEEDS_UP_M_PER_S2 * seconds, SPEEDS_UP_M_PER_S2 * seconds);
-    const by = this.scene.moved(this.speed[0] * seconds * this.scene.scale, -this.speed[1] * seconds * this.scene.scale);
-    this.target = this.target.map((x, n) => clamp(x + by[n], place[n] - AHEAD_M, place[n] + AHEAD_M));
+    const wanted = this.gamepad();
+    if (!this.target) return;
+    for (const name of this.keys) KEYS[name].forEach((to, n) => { wanted[n] += to * KEY_M_PER_S; });
+    wanted.forEach((to, n) => { if (to) this.steered[n] = true; this.speed[n] += clamp(to - this.speed[n], -SPEEDS_UP_M_PER_S2 * seconds, SPEEDS_UP_M_PER_S2 * seconds); });
+    const [across, along, deep] = this.speed.map(v => v * seconds);
+    if (deep) this.dive(this.deep + deep);
+    const { scene } = this, place = this.here(), free = n => !this.steered[n];
+    if (scene.depth >= 0 && free(2) && !this.second) this.goesAlong(scene.depth, place, seconds);
+    if (this.kind !== "pointer") {
+      const by = scene.moved(across * scene.scale, -along * scene.scale, 0);
+      this.target = this.target.map((x, n) => (n === scene.depth ? x : clamp(x + by[n], place[n] - AHEAD_M, place[n] + AHEAD_M)));
+      for (const [n, way] of [[scene.level, 0], [scene.up, 1]]) if (n >= 0 && free(way)) this.goesAlong(n, place, seconds);
+    }
+    this.was = place;
+  }
+
+  // Along an axis that nobody has steered a hand goes along, and relaxes.
+  goesAlong(n, place, seconds) {
+    const off = this.target[n] - place[n], moved = place[n] - (this.was ?? place)[n];
+    const by = (moved * off < 0 ? moved : 0) - off * Math.min(seconds / RELAXES_S, 1);
+    this.target[n] += by;
+    if (n !== this.scene.depth) return;
+    this.deep += by;
+    if (this.kind === "pointer") this.point();
   }
 
   gamepad() {
     const pads = typeof navigator !== "undefined" && navigator.getGamepads ? navigator.getGamepads() : [];
     const pad = [...pads].find(one => one && one.connected);
-    if (!pad) return [0, 0];
+    if (!pad) return [0, 0, 0];
     const pressed = pad.buttons.some(button => button.pressed);
     if (pressed && !this.padWas) this.target ? this.release() : this.hold("gamepad", this.here());
     this.padWas = pressed;
     this.pad = pad;
     const dead = value => (Math.abs(value) < 0.12 ? 0 : value);
-    return [dead(pad.axes[0] ?? 0) * STICK_M_PER_S, -dead(pad.axes[1] ?? 0) * STICK_M_PER_S];
+    return [dead(pad.axes[0] ?? 0) * STICK_M_PER_S, -dead(pad.axes[1] ?? 0) * STICK_M_PER_S, -dead(pad.axes[3] ?? 0) * STICK_M_PER_S];
   }
 
   // Force as rumble and vibration, where there is something that can: strength in [0, 1].

@@ -3,10 +3,11 @@
 import { Engine } from "./engine.js";
 import { Scene, takeColours } from "./scene.js";
 import { Hands } from "./hands.js";
-import { Session, chances } from "./session.js";
+import { Session, asking, chances } from "./session.js";
 import { Sound } from "./sound.js";
 import { Bars, Shares, Strips, expectation } from "./strips.js";
-import { bytesOf, download, numbersOf, recordingCsv, tell } from "./files.js";
+import { bytesOf, download, numbersOf, tell } from "./files.js";
+import { recordingCsv } from "./recordings.js";
 import { Teach } from "./teach.js";
 import { Study } from "./study.js";
 import { Understand } from "./understand.js";
@@ -14,6 +15,7 @@ import { about } from "./about.js";
 import { readSkill } from "./skillfile.js";
 
 const $ = id => document.getElementById(id);
+const MOST_FILES = 60;
 const WHO = { leader: ["leads", "it leads"], follower: ["follows", "it follows"], natural: ["shares", "both"], neither: ["none", "?"] };
 
 class Page {
@@ -32,6 +34,7 @@ class Page {
     this.frames = [];
     this.seed = config.seed;
     this.wire();
+    this.sayAxes();
     this.takeSkills(config.skills, config.numbers);
     this.teach = new Teach(this, $("teach"));
     this.study = new Study(this, $("study"));
@@ -85,6 +88,13 @@ class Page {
     const dark = matchMedia("(prefers-color-scheme: dark)");
     this.theme(dark.matches ? "dark" : "light");
     dark.addEventListener("change", () => this.theme(dark.matches ? "dark" : "light"));
+  }
+
+  // Which axis has no room in the picture, and how it is moved
+  sayAxes() {
+    const { depth } = this.scene, name = this.config.task.axes[depth]?.name;
+    $("depth").hidden = depth < 0;
+    if (depth >= 0) $("scene").setAttribute("aria-label", `${$("scene").getAttribute("aria-label")} Q and E, page down and page up, the wheel, or a second finger move it along ${name}, into the picture; as long as nobody steers it there, the hand goes along.`);
   }
 
   theme(name) {
@@ -142,17 +152,19 @@ class Page {
 
   lift(role, robot, seed) {
     const chance = chances(seed), of = this.skills[role === "auto" ? "leader" : role] ?? Object.values(this.skills)[0];
-    const start = this.session.start, ends = of.ends_m.map(end => end.map((x, n) => x - start[n]));
-    const taught = this.taught();
-    const size = taught.length === 1 ? 0.7 + 0.5 * chance() : 1;
-    return { robot, seed, asked: role, ends, goal: role === "leader" ? null : taught.map(x => x * size) };
+    const start = this.session.start, ends = of.ends_m.map(end => end.map((x, n) => x - start[n])), taught = this.taught();
+    const size = taught.length === 1 && start.length === 1 ? 0.7 + 0.5 * chance() : 1, way = taught[Math.floor(chance() * taught.length)].map(row => row.map(x => x * size));
+    return { robot, seed, asked: role, ends, ...asking(way, role !== "leader") };
   }
 
-  // Where the lessons of these skills end on average, (d,) from the start.
+  // The ways that lessons of these skills went: rows (d,) from the start
   taught() {
     const of = this.skills.leader ?? Object.values(this.skills)[0], start = this.session.start;
-    return start.map((at, n) => of.ends_m.reduce((sum, end) => sum + end[n] - at, 0) / of.ends_m.length);
+    return of.paths.map(path => path.position_m.map(row => row.map((x, n) => x - start[n])));
   }
+
+  // How long lessons took [s]
+  guideS() { const [path] = (this.skills.leader ?? Object.values(this.skills)[0]).paths; return path.step_s * (path.position_m.length - 1); }
 
   mainAxis() { return Math.max(this.config.task.axes.findIndex(axis => axis.up !== 0), 0); }
 
@@ -237,6 +249,10 @@ class Page {
     if (box.dataset.mode !== String(holds)) box.dataset.mode = String(holds);
     if ($("status").textContent !== text) $("status").textContent = text;
     $("rearm").hidden = !(phase === "runs" && mode === 2);
+    if (this.scene.depth >= 0) {
+      const n = this.scene.depth, goal = this.session.setup.goal, says = `along ${this.config.task.axes[n].name}: ${this.session.here()[n].toFixed(2)} m${goal ? ` of ${goal[n].toFixed(2)}` : ""}`;
+      if ($("depth-says").textContent !== says) $("depth-says").textContent = says;
+    }
     const full = Math.max(this.config.energy_j ?? 3, 1e-9), left = phase === "runs" ? Math.max(world.get("tank_j"), 0) : full;
     $("tank").firstElementChild.style.width = `${Math.min((left / full) * 100, 100)}%`;
     $("tank").setAttribute("aria-valuenow", (left / full).toFixed(2));
@@ -244,9 +260,9 @@ class Page {
   }
 
   frame(now) {
-    const passed = (now - this.then) * (this.pace ?? 1); // tests are in a hurry
+    const passed = now - this.then;
     this.then = now;
-    this.hands.step(Math.min(passed, 100 * (this.pace ?? 1)) / 1000);
+    this.hands.step(Math.min(passed, 100) / 1000);
     const before = this.session.here();
     this.session.advance(passed, this.hands.target, now);
     this.latency(before);
@@ -290,15 +306,19 @@ class Page {
   }
 
   async receive(files) {
-    for (const file of [...files].slice(0, 8)) {
+    const wrong = [];
+    let lessons = 0;
+    for (const file of [...files].slice(0, MOST_FILES)) {
       try {
-        const text = await file.text();
-        if (/\.csv$/i.test(file.name)) this.teach.open(file.name, text);
-        else this.takeFile(file.name, text);
+        if (/\.(csv|mcap)$/i.test(file.name)) { this.teach.open(file.name, new Uint8Array(await file.arrayBuffer())); lessons++; }
+        else this.takeFile(file.name, await file.text());
       } catch (error) {
-        tell(`${file.name.slice(0, 80)}: ${error.message}`);
+        wrong.push(`${file.name.slice(0, 80)}: ${error.message}`);
       }
     }
+    if (lessons) this.show("teach");
+    if (wrong.length) tell(wrong.length > 1 ? `${wrong[0]} (and ${wrong.length - 1} more)` : wrong[0]);
+    else if (lessons) tell(`${lessons} ${lessons === 1 ? "lesson" : "lessons"} opened`);
   }
 
   takeFile(name, text) {

@@ -171,7 +171,7 @@ function policy(paths, onsets, p) {
   return p.policy_names.map(name => values[name]);
 }
 
-// skills.roles.RoleEvidence: numbers, prior, centre, spread, then each filter behind its number of states
+// skills.evidence.RoleEvidence: numbers, prior, centre, spread, then each filter behind its number of states
 function evidence(skills, modelDt, p) {
   const c = p.constants, models = ["leader", "follower", "natural"].filter(role => skills[role]).map(role => skills[role].model), channels = models[0].channels, groups = channels.map(name => name.split(".")[0]);
   const means = models.flatMap(m => m.means), variances = models.flatMap(m => m.covariances.map(S => S.map((row, n) => row[n]))), centre = mean(means);
@@ -196,7 +196,7 @@ export function prepared(skills, role, p) {
   const c = p.constants, lead = role !== "follower", one = skills[role === "auto" ? "leader" : role];
   for (const name of role === "auto" ? ["leader", "follower"] : [role]) if (!p.known_laws.includes(skills[name].law)) throw new Error(`law ${String(skills[name].law).slice(0, 20)} does not run on the page; it runs ${p.known_laws.join(", ")}`);
   const leading = law(lead ? "leader" : "follower", one, p), following = role === "auto" ? law("follower", skills.follower, p) : p.laws.follower, paths = references(one, leading, c), watch = filter(one.model, ["position", "force"], c);
-  const bank = role === "auto" ? evidence(skills, one.dt_s, p) : null, where = stations(paths, c), plans = lead ? null : paths;
+  const bank = role === "auto" ? evidence(skills, one.dt_s, p) : null, where = stations(paths, c), plans = role === "leader" ? null : paths;
   const header = { ...p.header, d: one.axes.length, changes: lead ? 1 : 0, leads: role === "leader" ? 1 : 0, goals: paths.length, states: watch.K, heard: watch.D, filters: bank ? bank.count : 0, stations: where.rows.length, model_dt: one.dt_s, told: -1 };
   if (!plans) Object.assign(header, { plans: 0, alike: 0, keep: 0 });
   const packed = values => p.law_names.map(name => values[name]);

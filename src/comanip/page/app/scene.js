@@ -5,6 +5,7 @@ function matchMediaSafe(query) { return typeof matchMedia === "function" ? match
 export function calm() { return STILL.matches; }
 
 export const COLOURS = {};
+const DEPTH = [0.4, 0.28]; // of a metre into the picture: to the right, and up
 const NAMES = "paper sky ground card ink soft line robot robot-2 person person-2 beam goal force hold comply run band trousers trousers-2".split(" ");
 export function takeColours() {
   const style = getComputedStyle(document.documentElement);
@@ -38,6 +39,7 @@ export class Scene {
     this.level = task.axes.findIndex((axis, n) => n !== this.up);
     this.above = this.up < 0 && task.axes.length > 1;
     if (this.above) { this.level = 0; this.up = 1; }
+    this.depth = task.axes.findIndex((axis, n) => n !== this.up && n !== this.level); // into the picture; -1: there is none
     this.length = task.length_m;
   }
 
@@ -55,14 +57,16 @@ export class Scene {
     const axis = this.up >= 0 ? this.task.axes[this.up] : null;
     const along = this.up >= 0 ? displacement[this.up] * (this.above ? 1 : axis.up) : 0;
     const height = this.above ? along : (axis && Math.abs(axis.start) < 2 && axis.up > 0 ? clamp(axis.start, 0.6, 1.1) : axis && axis.up < 0 ? 1.1 : 0.95) + along;
-    return [this.left + (across + end * this.length) * this.scale, this.h - (height - this.bottom) * this.scale];
+    const deep = this.depth >= 0 ? displacement[this.depth] : 0;
+    return [this.left + (across + end * this.length + DEPTH[0] * deep) * this.scale, this.h - (height - this.bottom + DEPTH[1] * deep) * this.scale];
   }
 
-  // The way back: a difference of screen places as a displacement (d,) [m].
-  moved(dx, dy) {
-    const out = this.task.axes.map(() => 0);
-    if (this.level >= 0) out[this.level] = dx / this.scale;
-    if (this.up >= 0) out[this.up] = (-dy / this.scale) * (this.above ? 1 : this.task.axes[this.up].up);
+  // The way back: a difference of screen places, `deep` of it [m] into the picture, as a displacement (d,) [m].
+  moved(dx, dy, deep) {
+    const out = this.task.axes.map(() => 0), inside = this.depth >= 0 ? deep : 0;
+    if (this.level >= 0) out[this.level] = dx / this.scale - DEPTH[0] * inside;
+    if (this.up >= 0) out[this.up] = (-dy / this.scale - DEPTH[1] * inside) * (this.above ? 1 : this.task.axes[this.up].up);
+    if (this.depth >= 0) out[this.depth] = inside;
     return out;
   }
 
@@ -72,11 +76,11 @@ export class Scene {
     const [g, w, h] = fit;
     this.layout(w, h);
     g.clearRect(0, 0, w, h);
-    const robot = this.at(s.robot, 0), flat = this.at(s.robot, 1), true_ = this.at(s.person, 1);
-    // a tilt is a fraction of a degree: drawn as if it were five times larger, or nobody saw that the beam is level
-    const person = [true_[0], flat[1] + (true_[1] - flat[1]) * 5];
+    // As it is: whoever follows the handle with the eye would answer a tilt drawn larger with a larger pull. The level shows it.
+    const robot = this.at(s.robot, 0), person = this.at(s.person, 1);
     this.handle = person;
     this.floor(g, w, h);
+    if (s.guide) this.guide(g, s.guide);
     if (s.goal) this.goal(g, s);
     if (this.above) this.fromAbove(g, robot, person, s);
     else {
@@ -100,6 +104,19 @@ export class Scene {
     if (this.above || y > h + 1) return;
     g.fillStyle = COLOURS.ground;
     g.fillRect(0, y, w, h - y);
+  }
+
+  // The way to the goal, where it is not straight: dots of equal time, at the person's end
+  guide(g, rows) {
+    g.save();
+    g.strokeStyle = g.fillStyle = COLOURS.goal;
+    g.globalAlpha = 0.55;
+    g.lineWidth = 2;
+    g.setLineDash([3, 6]);
+    g.beginPath();
+    rows.forEach((row, n) => { const [x, y] = this.at(row, 1); n ? g.lineTo(x, y) : g.moveTo(x, y); });
+    g.stroke();
+    g.restore();
   }
 
   goal(g, s) {

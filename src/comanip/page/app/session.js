@@ -19,6 +19,13 @@ export function chances(seed) {
   };
 }
 
+// What a person is asked for: the end of this way, and the way itself where it is not straight.
+export function asking(way, shown) {
+  const first = way[0], rows = way.map(row => row.map((x, n) => x - first[n])), goal = rows[rows.length - 1], far = rows.map(lengthOf), size = lengthOf(goal);
+  const longest = far.reduce((a, b) => Math.max(a, b)), length = rows.reduce((sum, row, n) => sum + (n ? lengthOf(row.map((x, i) => x - rows[n - 1][i])) : 0), 0);
+  return { goal: shown ? goal : null, guide: shown && length > 1.1 * size ? rows : null, extent: size < 0.5 * longest ? longest : 0 };
+}
+
 export class Session {
   // config: what the export wrote; hooks: {began, ticked, ended, held}
   constructor(engine, config, hooks = {}) {
@@ -31,7 +38,8 @@ export class Session {
     this.prepare({ robot: { kind: "mass-damper" }, seed: 1, goal: null });
   }
 
-  // setup: {robot: {kind: "skill", numbers} | {kind: "mass-damper", kg, ns_per_m} | {kind: "planned", moves, duration_s, onset_s}, seed, goal (d,) or null, asked}
+  // setup: {robot: {kind: "skill", numbers} | {kind: "mass-damper", kg, ns_per_m} | {kind: "planned", way: {step_s, rows (T, d) from the start}, onset_s}, seed, asked,
+  //  goal (d,) or null, guide: rows (T, d) that show the way to it, extent: how far that way goes from the start}
   prepare(setup) {
     const { task, hand, robot } = this.config, kind = setup.robot.kind;
     this.setup = setup;
@@ -39,7 +47,7 @@ export class Session {
       ...robot, ...hand, axes: task.axes.length, mass_kg: setup.mass_kg ?? task.mass_kg, stated_mass_kg: task.mass_kg, length_m: task.length_m, share: task.share,
       gravity: task.gravity, axial: task.axial, start: this.start, seed: setup.seed, holds: 1,
       robot: { skill: 0, "mass-damper": 1, planned: 2, holds: 3 }[kind], robot_kg: setup.robot.kg ?? 6, robot_ns_per_m: setup.robot.ns_per_m ?? 20,
-      robot_attraction_per_s: 4, robot_onset_s: setup.robot.onset_s ?? 1, robot_duration_s: setup.robot.duration_s ?? 2.2, moves_m: setup.robot.moves ?? this.start.map(() => 0),
+      robot_attraction_per_s: 4, plan_runs: 0, plan_position: this.start, plan_velocity: this.start.map(() => 0),
     });
     if (this.numbers !== setup.robot.numbers) this.world.skill(setup.robot.numbers ?? null);
     this.numbers = setup.robot.numbers;
@@ -53,6 +61,7 @@ export class Session {
     this.stillS = 0;
     this.anchor = this.start.map(() => 0);
     this.goneAt = null;
+    this.farthest = 0;
     this.letGo = false;
     this.led = false;
     this.ticksSeen = 0;
@@ -103,10 +112,23 @@ export class Session {
     for (let n = 1; n <= steps && this.phase === "runs"; n++) {
       const t = world.get("time_s"), share = clamp((t - WEIGHS_S) / BLENDS_S, 0, 1);
       if (!this.letGo) for (let i = 0; i < to.length; i++) pointer[i] = this.start[i] + share * (from[i] + (to[i] - from[i]) * (n / steps));
+      if (this.setup.robot.way) this.plan(t);
       world.advance(1);
       if (world.get("ticks") !== this.ticksSeen) this.ticked();
     }
     this.last = to.slice();
+  }
+
+  // Where a robot with a plan means to be at time t [s]
+  plan(t) {
+    const { way, onset_s } = this.setup.robot, phase = (t - onset_s) / way.step_s, last = way.rows.length - 1, n = clamp(Math.floor(phase), 0, last - 1), share = clamp(phase - n, 0, 1), goes = phase > 0 && phase < last;
+    const place = this.world.vector("plan_position"), speed = this.world.vector("plan_velocity");
+    for (let i = 0; i < this.start.length; i++) {
+      const a = way.rows[n][i], b = way.rows[n + 1][i];
+      place[i] = this.start[i] + a + share * (b - a);
+      speed[i] = goes ? (b - a) / way.step_s : 0;
+    }
+    this.world.set({ plan_runs: phase > 0 ? 1 : 0 });
   }
 
   ticked() {
@@ -122,6 +144,7 @@ export class Session {
       this.goneAt = world.get("time_s");
       this.led = world.get("acts") === 1 || world.get("acts") === 2;
     }
+    this.farthest = Math.max(this.farthest, lengthOf(place));
     this.stillS = lengthOf(place.map((x, n) => x - this.anchor[n])) < RESTS_M ? this.stillS + dt : 0;
     if (this.stillS === 0) this.anchor = place;
     this.hooks.ticked?.(this);
@@ -129,10 +152,11 @@ export class Session {
     if (ended || t > LONGEST_S || (this.letGo && t - this.letGoAt > 6)) this.finish();
   }
 
-  // A rest on the way is no end while there is a goal farther on.
+  // A rest on the way is no end while there is a goal farther on, nor one at the start of a way that comes back to it.
   restCounts(place) {
     const goal = this.setup.goal;
     if (this.world.get("mode") !== 0) return false;
+    if (this.farthest < 0.5 * (this.setup.extent ?? 0)) return this.stillS > 6;
     if (!goal || this.led) return (this.setup.ends ?? []).some(end => lengthOf(place.map((x, n) => x - end[n])) < 0.05) || this.stillS > 6;
     return lengthOf(place.map((x, n) => x - goal[n])) < 0.05 || this.stillS > 6;
   }
@@ -169,7 +193,7 @@ export class Session {
     const speed = world.vector("velocity");
     return {
       robot, person, force: runs ? Array.from(world.vector("force")) : this.start.map(() => 0), tilt: runs ? lengthOf(Array.from(world.vector("tilt"))) * Math.sign(world.vector("tilt")[0] || 1) : 0,
-      pullN: lengthOf(Array.from(world.vector("stretch_n"))), mode: runs || this.phase === "ended" ? world.get("mode") : 0, lets: this.letGo, goal: this.setup.goal, now,
+      pullN: lengthOf(Array.from(world.vector("stretch_n"))), mode: runs || this.phase === "ended" ? world.get("mode") : 0, lets: this.letGo, goal: this.setup.goal, guide: this.setup.guide, now,
       looks: runs ? -speed[speed.length - 1] * 6 : 0, blinks: now % 4300 < 130, weighs: runs && target ? world.get("time_s") / WEIGHS_S : 0, invites: this.phase === "idle" && !target,
     };
   }

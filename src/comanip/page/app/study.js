@@ -2,24 +2,27 @@
 // the end. Nothing is sent anywhere; whoever takes part may stop at any time and keep what there is, or nothing.
 
 import { download } from "./files.js";
+import { mcapOf, zipOf } from "./mcap.js";
+import { recordingOf } from "./recordings.js";
 import { KEPT } from "./session.js";
 import { element } from "./teach.js";
 
 const STUDY_VERSION = 1;
 const QUESTIONS = [["ease", "How easy was it?", "hard", "easy"], ["predictability", "How well could you tell what the robot would do next?", "not at all", "very well"]];
 
-// The n-th order of `count` things: orders of seeds that follow each other run through all there are.
+// The order of `count` things for a number: `count` numbers in a row (from a multiple on) put everything once in every place, and
+// count! numbers in a row run through all orders there are.
 export function orderOf(seed, count) {
   let all = 1;
-  for (let n = 2; n <= count; n++) all *= n;
-  let index = ((seed % all) + all) % all;
-  const left = Array.from({ length: count }, (_, n) => n), order = [];
-  for (let n = count; n > 0; n--) {
+  for (let n = 2; n < count; n++) all *= n;
+  const turns = ((seed % count) + count) % count, left = Array.from({ length: count - 1 }, (_, n) => n + 1), order = [0];
+  let index = ((Math.floor(seed / count) % all) + all) % all;
+  for (let n = count - 1; n > 0; n--) {
     all /= n;
     order.push(...left.splice(Math.floor(index / all), 1));
     index %= all;
   }
-  return order;
+  return order.map((_, n) => order[(n + turns) % count]);
 }
 
 export class Study {
@@ -67,6 +70,7 @@ export class Study {
     this.block = 0;
     this.trial = 0;
     this.practised = 0;
+    this.takes = [];
     this.records = [{
       type: "study", version: STUDY_VERSION, participant, seed, order: this.order.map(one => one.name), conditions: plan.conditions.map(one => one.name), trials: plan.trials, practice: plan.practice,
       role: plan.role, task: this.page.config.task.name, load_mass_kg: this.page.config.task.mass_kg, load_share: this.page.config.task.share, gravity_m_per_s2: this.page.config.task.gravity,
@@ -99,6 +103,7 @@ export class Study {
   }
 
   record(session) {
+    this.takes.push(session.take);
     const take = session.take, digits = x => Number(x.toPrecision(7));
     return {
       type: "trial", block: this.block + 1, condition: this.order[this.block].name, trial: this.trial + 1, seed: session.setup.seed, goal_m: session.setup.goal, start_m: take.start, dt_s: take.dt,
@@ -153,17 +158,28 @@ export class Study {
 
   file() { return this.records.map(record => JSON.stringify(record)).join("\n") + "\n"; }
 
+  // The same lines, and every trial as MCAP beside them
+  bundle() {
+    const trials = this.records.filter(record => record.type === "trial"), { task } = this.page.config, [{ participant, seed }] = this.records;
+    const files = trials.map(({ condition, trial, block, verdict, input }, n) => [`${plain(condition)}-${trial}.mcap`, mcapOf(recordingOf(task, this.takes[n], { participant, order: seed, condition, trial, block, verdict, input }), task.schemas)]);
+    return zipOf([["study.jsonl", new TextEncoder().encode(this.file())], ...files]);
+  }
+
   end(panel) {
     const complete = this.records[this.records.length - 1].reason === "complete";
     panel.append(element("h2", "", complete ? "Thank you." : "Stopped."), element("p", "", "Nothing has left this page. Keep the file and give it to whoever asked you, or close the page, and it is gone."));
-    const row = element("div", "row"), keep = element("button", "button main", "Keep the file"), again = element("button", "button", "Another person");
-    keep.addEventListener("click", () => download(`comanip-study-${this.records[0].participant || "p"}-${this.seed}.jsonl`, this.file(), "application/x-ndjson"));
+    const row = element("div", "row"), keep = element("button", "button main", "Keep the file"), all = element("button", "button", "Keep it with every lift as MCAP (ZIP)"), again = element("button", "button", "Another person");
+    const named = `comanip-study-${this.records[0].participant || "p"}-${this.seed}`;
+    keep.addEventListener("click", () => download(`${named}.jsonl`, this.file(), "application/x-ndjson"));
+    all.addEventListener("click", () => download(`${named}.zip`, this.bundle(), "application/zip"));
     again.addEventListener("click", () => { this.stage = "form"; this.records = []; this.show(); });
-    row.append(keep, again);
+    row.append(keep, all, again);
     if (complete) panel.append(element("p", "soft", `The order was: ${this.order.map(one => one.name).join(", ")}.`));
     panel.append(row);
   }
 }
+
+function plain(name) { return name.replace(/[^\w-]+/g, "-").slice(0, 60); }
 
 function field(label, type, value) {
   const one = element("label", "field", label), input = document.createElement("input");

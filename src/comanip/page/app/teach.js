@@ -1,13 +1,22 @@
 // Five lessons a role, on the page: the robot is scripted, the person is the person. Trim, delete, replay, and keep them as files.
 
-import { chances } from "./session.js";
+import { asking, chances } from "./session.js";
 import { COLOURS, fitted } from "./scene.js";
-import { download, recordingCsv, tell } from "./files.js";
-import { recordingMcap } from "./mcap.js";
+import { download, tell } from "./files.js";
+import { mcapOf, readMcap } from "./mcap.js";
+import { csvOf, lessonOf, readCsv, recordingOf, within } from "./recordings.js";
 
 const LESSONS = 5, SHORTEST_S = 1.0, MOST_KEPT = 60;
-// of the lessons of tasks/*.toml: 0.30 m +- 2.5 cm in 2.2 s +- 0.25 s, begun within 0.4 to 1.2 s
-const SIZE_SD = 0.08, DURATION_S = 2.2, DURATION_SD_S = 0.25, ONSET_S = [0.4, 1.2];
+
+// Lesson `number` of a role: the way that is asked for, as the task's lessons vary, and the robot that goes or gives way.
+export function lessonAsked(task, role, number, seed) {
+  const chance = chances(seed * 1000 + number + (role === "leader" ? 0 : 500)), { lessons } = task;
+  const normal = () => { let sum = -6; for (let n = 0; n < 12; n++) sum += chance(); return sum; };
+  const size = 1 + lessons.size_sd * normal(), pace = Math.max(lessons.shortest, 1 + lessons.duration_sd * normal()), onset_s = lessons.onset_s[0] + chance() * (lessons.onset_s[1] - lessons.onset_s[0]);
+  const rows = task.ways[Math.floor(chance() * task.ways.length)].map(row => row.map(x => x * size)), leads = role === "leader";
+  const robot = leads ? { kind: "planned", way: { rows, step_s: lessons.step_s * pace }, onset_s, kg: 6, ns_per_m: 30 } : { kind: "mass-damper", kg: 4, ns_per_m: 15 };
+  return { robot, seed: seed * 1000 + number, asked: role, ends: [rows[rows.length - 1]], ...asking(rows, !leads) };
+}
 
 export class Teach {
   constructor(page, box) {
@@ -21,7 +30,7 @@ export class Teach {
 
   build() {
     const panel = element("div", "panel"), title = element("h2", "", "Teach it");
-    const text = element("p", "soft", "Five lessons a role. As it leads, go along with it; as it follows, lift to the dashed beam. Then learn from the files: comanip learn leader-*.csv -o leader.json, and drop leader.json here.");
+    const text = element("p", "soft", "Five lessons a role. As it leads, go along with it; as it follows, lift to the dashed beam. Then learn from the files: comanip learn leader-*.csv -o leader.json, and drop leader.json here. Lessons (CSV, MCAP) can be dropped here, too.");
     this.roles = element("div", "row");
     this.roles.setAttribute("role", "radiogroup");
     this.roles.setAttribute("aria-label", "Lessons of which role");
@@ -54,12 +63,7 @@ export class Teach {
 
   // The next lesson: what is asked of it varies as people's lessons do.
   next() {
-    const page = this.page, chance = chances(page.config.seed * 1000 + this.count + (this.role === "leader" ? 0 : 500));
-    const normal = () => chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() + chance() - 6;
-    const asked = page.lift("follower", { kind: "mass-damper" }, 1), size = 1 + SIZE_SD * normal();
-    const moves = page.taught().map(x => x * size), duration = Math.max(1.8, DURATION_S + DURATION_SD_S * normal()), onset = ONSET_S[0] + chance() * (ONSET_S[1] - ONSET_S[0]);
-    const robot = this.role === "leader" ? { kind: "planned", moves, duration_s: duration, onset_s: onset, kg: 6, ns_per_m: 30 } : { kind: "mass-damper", kg: 4, ns_per_m: 15 };
-    page.session.prepare({ ...asked, robot, seed: page.config.seed * 1000 + this.count, goal: this.role === "leader" ? null : moves, asked: this.role });
+    this.page.session.prepare(lessonAsked(this.page.config.task, this.role, this.count, this.page.config.seed));
     document.getElementById("verdict").hidden = true;
   }
 
@@ -78,21 +82,27 @@ export class Teach {
   }
 
   // A lesson that somebody opens again: what a file says is text.
-  open(name, text) { this.page.opened?.(name, text); tell(`${name.slice(0, 80)}: the page opens skills; lessons go to comanip learn`); }
+  open(name, bytes) {
+    const recording = /\.mcap$/i.test(name) ? readMcap(bytes) : readCsv(new TextDecoder().decode(bytes)), { role, ...lesson } = lessonOf(recording, this.page.config.task);
+    if (lesson.take.position.length * lesson.take.dt < SHORTEST_S) throw new Error(`it lasts less than ${SHORTEST_S} s: no whole lesson`);
+    if (this.lessons.length >= MOST_KEPT) throw new Error("there are enough lessons: keep them, or delete some");
+    this.lessons.push({ ...lesson, role: role || this.role, n: ++this.count, from: 0, to: lesson.take.position.length, name: name.replace(/\.(csv|mcap)$/i, "").slice(0, 60) });
+    this.role = role || this.role;
+    this.refresh();
+  }
 
-  // The part that counts, as a take of its own
-  part(lesson) {
-    const cut = {};
-    for (const [key, value] of Object.entries(lesson.take)) cut[key] = Array.isArray(value) && value.length === lesson.take.position.length ? value.slice(lesson.from, lesson.to) : value;
-    return cut;
+  // The part that counts, as a recording: of what was taught here, or of what the opened file held
+  kept(lesson) {
+    const { take, from, to } = lesson, n = take.position.length;
+    if (lesson.recording) return from === 0 && to === n ? lesson.recording : within(lesson.recording, lesson.time[from], lesson.time[to - 1]);
+    const cut = Object.fromEntries(Object.entries(take).map(([key, value]) => [key, Array.isArray(value) && value.length === n ? value.slice(from, to) : value]));
+    return recordingOf(this.page.config.task, cut, { name: lesson.name, role: lesson.role, lesson: lesson.n, robot: lesson.role === "leader" ? "scripted: minimum jerk, gives way" : "scripted: mass-damper" });
   }
 
   keep(kind) {
-    const task = this.page.config.task;
     for (const lesson of this.lessons) {
-      const about = { name: lesson.name, role: lesson.role, lesson: lesson.n, robot: lesson.role === "leader" ? "scripted: minimum jerk, gives way" : "scripted: mass-damper" };
-      if (kind === "csv") download(`${lesson.name}.csv`, recordingCsv(task, this.part(lesson), about), "text/csv");
-      else download(`${lesson.name}.mcap`, recordingMcap(task, this.part(lesson), about), "application/octet-stream");
+      if (kind === "csv") download(`${lesson.name}.csv`, csvOf(this.kept(lesson)), "text/csv");
+      else download(`${lesson.name}.mcap`, mcapOf(this.kept(lesson), this.page.config.task.schemas), "application/octet-stream");
     }
   }
 
