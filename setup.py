@@ -15,8 +15,8 @@ FREE_THREADED = bool(sysconfig.get_config_var("Py_GIL_DISABLED"))  # it has no s
 X87 = platform.machine().lower() in ("i386", "i486", "i586", "i686", "x86")  # whose registers of 80 bits round otherwise
 FLAGS = ["-O3", "-std=gnu11", "-fno-wrapv", "-fno-math-errno", "-fno-trapping-math", "-Wno-psabi"]
 HEADERS = (
-    "layout", "lanes", "segments", "hsmm", "vectors", "path", "foresight",
-    "law", "plain", "checker", "envelope", "ordinary", "beam", "rows", "carry",
+    "layout", "lanes", "segments", "hsmm", "exponential", "vectors", "path", "foresight",
+    "law", "enter", "roles", "checker", "envelope", "guard", "ordinary", "beam", "rows", "carry",
 )  # fmt: skip
 
 

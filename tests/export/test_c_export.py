@@ -13,13 +13,15 @@ from controllers import KINDS, TASKS, maker, skills
 
 from comanip import kernels
 from comanip.errors import MismatchError, ParameterError
+from comanip.experiments import export_proof
 from comanip.experiments.export_proof import KINDS as WAYS
-from comanip.experiments.export_proof import c_run, differs, prove, python_run
+from comanip.experiments.export_proof import Cell, Proof, c_run, differs, prove, python_run
 from comanip.export import c_file, reasons
 from comanip.export.c_file import identifier, source
 from comanip.export.controller import controller
 from comanip.export.loaded import STRICT, Loaded, compiled, compiler
 from comanip.export.self_test import self_test
+from comanip.export.witness import WITNESSES, Witness, missing
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler (cc, gcc or clang) on this machine")
 pytestmark = needs_compiler
@@ -131,7 +133,7 @@ def test_the_header_says_what_it_is():
             r"\b(sqrt|exp|log|fabs|pow|sin|cos|tan|floor|ceil|round|fmin|fmax|fma|malloc|memcpy|isfinite|nearbyint)\(", code
         )
     )
-    assert used == {"sqrt", "exp", "log", "fabs"}
+    assert used == {"sqrt", "fabs"}
     assert set(re.findall(r"#include (.*)", text.c)) == {'"both.h"', "<math.h>"}
 
 
@@ -196,6 +198,45 @@ def test_on_another_processor_it_is_the_same_to_the_last_bit(kind, tmp_path):
     assert "1000 of 1000 ticks equal to the last bit" in said.stdout, said.stdout
 
 
+@pytest.mark.parametrize("name", WITNESSES)
+def test_another_processor_and_another_library_give_the_same_bits(name, tmp_path):
+    if why := missing(name):
+        pytest.skip(why)
+    found = prove(maker("two goals", "auto"), 1200, seed=8, runs_of=400, witnesses=[name], folder=tmp_path)
+    assert (found["differences"], found["witnesses"]) == ([], {name: []})
+
+
+def test_a_witness_that_computes_otherwise_is_seen(tmp_path):
+    if why := missing("x86-64-plain"):
+        pytest.skip(why)
+    make = maker("slide", "leader")
+    text = source(make())
+    other = Witness(
+        "x86-64-plain", text._replace(c=text.c.replace("#define EASES_IN_S 0.3", "#define EASES_IN_S 0.31")), tmp_path
+    )
+    taken = python_run(make(), np.random.default_rng(2), "well", 400)
+    assert differs(0, taken, *other.answers([(taken.obs, list(taken.rearmed))])[0])
+
+
+def test_a_proof_goes_on_from_where_it_was_interrupted(tmp_path, monkeypatch):
+    """Chunks that were done are not done again; a line that was cut is; another C begins anew."""
+    monkeypatch.setattr(export_proof, "TICKS", 60)
+    monkeypatch.setattr(export_proof, "RUNS", 2)
+    monkeypatch.setattr(Proof, "learned", lambda self, task, role: list(skills("slide").values()))
+    cell = Cell("slide", "leader", 0.01, "faults", 0)
+    first = Proof(tmp_path, [], seed=1, witnesses=())
+    assert first.go_on(cell)["differences"] == []
+    again = Proof(tmp_path, [], seed=1, witnesses=())
+    assert again.go_on(cell) is None
+    assert len(again.current()) == 1
+    log = tmp_path / "chunks.jsonl"
+    log.write_text(log.read_text()[:-20])
+    assert Proof(tmp_path, [], seed=1, witnesses=()).go_on(cell) is not None
+    changed = log.read_text().replace('"c": "', '"c": "x')
+    log.write_text(changed)
+    assert Proof(tmp_path, [], seed=1, witnesses=()).go_on(cell) is not None
+
+
 def _written(folder, make, test):
     text = source(make(), name="one", self_test=test)
     (folder / "one.c").write_text(text.c)
@@ -203,8 +244,8 @@ def _written(folder, make, test):
 
 
 def _headers(folder):
-    """A <math.h> of the four functions that are used: what is freestanding brings none."""
+    """A <math.h> of the two functions that are used: what is freestanding brings none."""
     (folder / "include").mkdir()
-    text = "double exp(double); double log(double); double sqrt(double); double fabs(double);\n"
+    text = "double sqrt(double); double fabs(double);\n"
     (folder / "include" / "math.h").write_text(text + '#define NAN __builtin_nanf("")\n#define INFINITY __builtin_inff()\n')
     return folder / "include"

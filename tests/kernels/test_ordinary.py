@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from comanip import kernels
 from comanip.interfaces import Command, Observation
-from comanip.safety.compiled_tick import LENT, SCALARS, VECTORS, Ordinary
+from comanip.safety.compiled_tick import LENT, NUMBERS, ROWS, CompiledTick
 from comanip.safety.envelope import RUN, Envelope
 from comanip.safety.limits import Limits
 from envelopes import Dictated
@@ -22,7 +22,7 @@ class Pair:
 
     def __init__(self, d, dt, limits, start):
         self.envelopes = [Envelope(Dictated(d), axes=tuple("xyzuvw"[:d]), dt=dt, limits=limits) for _ in range(2)]
-        self.envelopes[1]._ordinary = None
+        self.envelopes[1]._compiled = None
         self.commands, self.obs, self.d, self.dt = [Command(d), Command(d)], Observation(d), d, dt
         self.hand = np.full(d, start)
         self.obs.position[:], self.obs.velocity[:], self.obs.force[:] = self.hand, 0.0, 0.0
@@ -205,7 +205,7 @@ def test_the_compiled_checker_trusts_no_clip(stricter, rule, towards):
     pair = Pair(1, 0.01, Limits(drift_m=1.0), 0.5)
     for envelope in pair.envelopes:
         vars(envelope._checker).update(stricter)
-    pair.envelopes[0]._ordinary = Ordinary(pair.envelopes[0])
+    pair.envelopes[0]._compiled = CompiledTick(pair.envelopes[0])
     for n in range(150):
         for envelope in pair.envelopes:
             envelope.skill.velocity[:] = towards * min(0.003 * n, 0.3) * (1.0 if n % 50 else 3.0)
@@ -221,7 +221,7 @@ def test_all_that_the_envelope_remembers_is_lent_or_stays():
     """A memory that is added later is not forgotten: each is lent, or named as one that an ordinary tick leaves alone."""
     alone = {
         "skill", "limits", "_dt", "_tells", "_timer", "_axes", "_d", "_late", "_stale", "_walls", "_mode", "_tank", "_confidence",
-        "_inner", "_frozen", "_ordinary", "_is_lent", "_state", "_reason", "_first", "_known", "_ran", "_ticks", "_at_first",
+        "_inner", "_frozen", "_compiled", "_is_lent", "_state", "_reason", "_first", "_known", "_ran", "_ticks", "_at_first",
         "_feels_s",
         "_passes", "_passed", "_passed_s", "_wait_s", "_sinks_wait_s", "_cause", "_bound", "_pulled", "_taught", "_leading",
     }  # fmt: skip
@@ -238,7 +238,7 @@ def test_all_that_the_envelope_remembers_is_lent_or_stays():
     envelope = Envelope(Dictated(), axes=("z",), dt=0.01)
     assert set(vars(envelope)) == alone | LENT
     for part, own in parts.items():
-        lent = {name.split(".")[1] for name in (*SCALARS, *VECTORS) if name.startswith(part + ".")}
+        lent = {name.split(".")[1] for name in (*NUMBERS, *ROWS) if name.startswith(part + ".")}
         assert set(vars(getattr(envelope, part))) == own | lent, part
 
 

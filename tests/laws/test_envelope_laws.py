@@ -274,7 +274,7 @@ def test_the_checker_brakes_before_a_wall_that_the_envelope_overlooked():
 
 def test_the_envelope_obeys_its_checker():
     bench = Bench(LIMITS)
-    bench.envelope._ordinary = None  # the Python's clip is what breaks here
+    bench.envelope._compiled = None  # the Python's clip is what breaks here
     bench.ticks(10, 0.3, 1.0)
     bench.envelope._clip = lambda period: [5.0]
     assert bench.tick() == pytest.approx(0.2)

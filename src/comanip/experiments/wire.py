@@ -1,14 +1,18 @@
 """ROS 2's wire on loopback, measured: latency, losses, a node that restarts, and partners behind it. Needs comanip[ros].
 
-    python -m comanip.experiments.wire [--seconds 60] [--partners 10] [--out wire.json]
+    python -m comanip.experiments.wire [--seconds 60] [--partners 10] [--realtime 50] [--out wire.json]
+    python -m comanip.experiments.wire --over 60
 
-The node (`comanip fake-robot`) is a process of its own; stamps are the system's clock, which both processes share.
+The node (`comanip fake-robot`) is a process of its own; stamps are the system's clock, which both processes share. `--realtime`
+asks Linux for a place before all other programs, as a robot's loop has it (`chrt -f 50 comanip run`); it needs the right to.
+`--over` carries with so many partners a role over the same bytes in one thread and one time, and without the wire.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -29,11 +33,13 @@ from comanip.learned.skill import LearnedSkill
 from comanip.recording import Recording
 from comanip.robots import driving
 from comanip.robots.messages import Reader, Writer
+from comanip.robots.over import robot_of
 from comanip.robots.people import cases
-from comanip.robots.robot import real
+from comanip.robots.robot import Robot, real, simulated
 from comanip.robots.settings import Settings, load
 from comanip.robots.wire import opened
 from comanip.tasks import named
+from comanip.trials.judging import judge
 
 RATE_HZ = 500.0
 SEED = 7
@@ -201,6 +207,33 @@ def partners(folder: Path, learned: LearnedSkill, count: int) -> dict[str, Any]:
     return {"partners": count, "within_2_cm": sum(e < 0.02 for e in errors), "end_errors_m": errors}
 
 
+def over(count: int, *, seed: int = SEED, told: Any = lambda _: None) -> list[dict[str, Any]]:
+    """The same usual partners over the wire's bytes and without them, in one thread and one time: who succeeds, by role."""
+    rows = []
+    for role in ("follower", "leader", "auto"):
+        learned = {one: taught(one, seed=1) for one in (("leader", "follower") if role == "auto" else (role,))}
+        draw, fake, plain = cases(role, named("lift"), seed), load("fake"), load("beam")
+        wired, direct = [], []
+        for number in range(count):
+            case = draw(number)
+            wired.append(_succeeds(robot_of(fake, case), learned, case))
+            direct.append(_succeeds(simulated(plain, case), learned, case))
+            told(f"{role}: {number + 1} of {count}, {sum(wired)} over the wire, {sum(direct)} without")
+        only = [n for n in range(count) if wired[n] != direct[n]]
+        rows.append({"role": role, "partners": count, "over_the_wire": sum(wired), "without": sum(direct), "otherwise": only})
+    return rows
+
+
+def _succeeds(robot: Robot, learned: dict[str, LearnedSkill], case: Any) -> bool:
+    guard = driving.guarded(robot, learned, case.role)
+    lines, payload, heard = driving.fly(robot, guard, learned, seconds=0.5)
+    if not all(one.passed for one in lines):
+        return False
+    recording = driving.drive(robot, guard, payload, duration_s=case.run_s, wrench_hz=heard)
+    ends = (learned.get("leader") or learned[case.role]).ends
+    return judge(case, recording, start_m=case.start_m, taught_ends_m=ends).success
+
+
 def _meant(case: Any) -> Array:
     course = case.course
     return np.asarray(course.sampled(np.array([course.stop_s]))[0])
@@ -246,11 +279,18 @@ def main() -> None:
     about.add_argument("--seconds", type=float, default=60.0)
     about.add_argument("--partners", type=int, default=10)
     about.add_argument("--out", type=Path)
+    about.add_argument("--over", type=int, help="partners a role in one thread and one time, with and without the wire; no more")
+    about.add_argument("--realtime", type=int, help="priority of SCHED_FIFO, 1 to 99")
     about.add_argument("--echo", type=Path, help=argparse.SUPPRESS)
     asked = about.parse_args()
     if asked.echo:
         echoes(load(asked.echo))
         return
+    if asked.over:
+        print(json.dumps(over(asked.over, told=lambda text: print(text, file=sys.stderr)), indent=1))
+        return
+    if asked.realtime:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(asked.realtime))
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder:

@@ -14,8 +14,8 @@ from ..errors import ParameterError
 from .controller import Controller
 from .numbers import Numbers, numbers_of
 
-KERNELS = ("layout", "vectors", "path", "foresight", "filter", "law", "enter", "roles", "checker", "envelope", "guard",
-           "estimate", "whole")  # fmt: skip
+KERNELS = ("layout", "exponential", "vectors", "path", "foresight", "filter", "law", "enter", "roles", "checker", "envelope",
+           "guard", "estimate", "whole")  # fmt: skip
 KEYWORDS = frozenset(
     "auto break case char const continue default do double else enum extern float for goto if inline int long register restrict "
     "return short signed sizeof static struct switch typedef union unsigned void volatile while main".split()
@@ -202,7 +202,7 @@ HEADER = """\
  *     every period: fill obs; @NAME@_step(&state, &obs, &cmd); send cmd.velocity (or position); at HOLD the hand stays stiff
  *     at HOLD, when the cause is gone and the user says so: reason = @NAME@_rearm(&state), 0 where it runs again
  *
- * C99, no allocation, no global state; of <math.h> exp, log, sqrt and fabs. Compile without -ffast-math.
+ * C99, no allocation, no global state; of <math.h> sqrt and fabs. Compile without -ffast-math.
  */
 #ifndef @GUARD@
 #define @GUARD@

@@ -63,7 +63,7 @@ def fits(episode: Episode) -> bool:
         and isinstance(plant, BeamPlant)
         and plant._compiled is not None
         and isinstance(episode.skill, Envelope)
-        and episode.skill._ordinary is not None
+        and episode.skill._compiled is not None
         and episode.skill.skill is episode.told
         and isinstance(loop.estimator, TaringInteractionForce)
         and tuple(episode.skill.diagnostics) == KEPT
@@ -188,7 +188,7 @@ class Compiled:
             self._felt, self._rows, self._sent, sight._past, sight._last, np.array(episode.meant), np.array(episode.start),
             self._stream.block, self._parts, self._envelope._taught,
         )  # fmt: skip
-        return kernels.native.Carry(plant._compiled, self._envelope._ordinary.compiled, arrays)
+        return kernels.native.Carry(plant._compiled, self._envelope._compiled.compiled, arrays)
 
     def _lend_force(self, force: CausalInteractionForce) -> None:
         names = layouts.BLOCKS["felt"]

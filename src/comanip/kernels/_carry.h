@@ -56,6 +56,7 @@ typedef struct {
     Arrays arrays;
     Beam *beam;
     Envelope *envelope;
+    Guard *guard;
     int d, n_seen, n_meant, n_noise, width;
     const CarryNumbers *k;
     int64_t *counts;
@@ -111,7 +112,7 @@ static void go_on(Carry *c) {
 }
 
 /* Sight.look */
-static void look(Carry *c) {
+static void sees_now(Carry *c) {
     const int d = c->d, wide = 3 * d;
     memmove(c->seen, c->seen + wide, sizeof(double) * (c->n_seen - wide));
     double *now = c->seen + c->n_seen - wide;
@@ -184,7 +185,9 @@ static int carry_tick(Carry *c, const double *said, int *open) {
     if (c->counts[DRAWN] + wants > c->n_noise) return NO_NOISE;
     double *const *o = c->observed;
     for (int i = 0; i < d; i++) c->said[i] = said[i];
+    if (!nothing_is_up(c->guard)) return FOR_PYTHON;
     if (!sense(c->envelope, c->time[0], o[POSITION_], o[FORCE_], o[VELOCITY_], o[SENSOR], c->taught)) return FOR_PYTHON;
+    c->guard->late = 0.0, c->guard->fresh = 1.0;
     told(c, said);
     const double *const wish[3] = {c->wish, c->wish + d, c->wish + 2 * d};
     double *const command[3] = {c->command, c->command + d, c->command + 2 * d};
@@ -196,7 +199,7 @@ static int carry_tick(Carry *c, const double *said, int *open) {
     *open = OPEN;
     if (c->counts[TICKS] < c->counts[MOST_TICKS]) {
         go_on(c);
-        look(c);
+        sees_now(c);
         if (c->k->ends_early != 0.0) *open = lost(c);
     }
     worth(c);
@@ -217,7 +220,7 @@ static PyObject *carry_new(PyTypeObject *type, PyObject *args, PyObject *keyword
     if (!c) return NULL;
     Py_IncRef(beams), Py_IncRef(envelopes);
     c->beams = beams, c->envelopes = envelopes;
-    c->beam = &((Beams *)beams)->beam, c->envelope = &((Envelopes *)envelopes)->envelope;
+    c->beam = &((Beams *)beams)->beam, c->envelope = &((Envelopes *)envelopes)->envelope, c->guard = ((Envelopes *)envelopes)->guard;
     const int d = c->d = c->beam->d;
     const Py_ssize_t all_n = PySequence_Size(all);
     Py_ssize_t sizes[MOST_ARRAYS];

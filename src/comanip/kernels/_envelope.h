@@ -202,7 +202,7 @@ static inline void pushing(const Envelope *e, Ledger *l, double period) {
 
 /* Shaking.step */
 static inline void shaken(const Envelope *e, Ledger *l, double period) {
-    const double share = 1.0 - exp(-2.0 * PI * period);
+    const double share = 1.0 - exponential(-2.0 * PI * period);
     for (int i = 0; i < e->d; i++) l->slow[i] += share * (l->force[i] - l->slow[i]);
     l->mean += least(period / 0.5, 1.0) * (apart(l->force, l->slow, e->d) - l->mean);
     l->amplitude = 1.57 * l->mean;

@@ -48,10 +48,10 @@ static inline double filter_predicted(const Tick *t, int k) {
 static inline double filter_faint(const Tick *t, double best) {
     double top = -INFINITY;
     for (int k = 0; k < t->K; k++) {
-        t->h[k] = most(t->log_b[k], best - t->gate) + log(most(t->h[k], 1e-300));
+        t->h[k] = most(t->log_b[k], best - t->gate) + logarithm(most(t->h[k], 1e-300));
         top = most(top, t->h[k]);
     }
-    for (int k = 0; k < t->K; k++) t->h[k] = exp(t->h[k] - top);
+    for (int k = 0; k < t->K; k++) t->h[k] = exponential(t->h[k] - top);
     return top;
 }
 
@@ -63,7 +63,7 @@ static inline int filter_tick(const Tick *t, const double *xi) {
     for (int k = 0; k < K; k++) best = most(best, t->log_b[k]);
     scale = best;
     for (int k = 0; k < K; k++) {
-        t->h[k] = filter_predicted(t, k) * exp(most(t->log_b[k] - best, -t->gate));
+        t->h[k] = filter_predicted(t, k) * exponential(most(t->log_b[k] - best, -t->gate));
         largest = most(largest, t->h[k]);
         total += t->h[k];
     }
@@ -74,14 +74,14 @@ static inline int filter_tick(const Tick *t, const double *xi) {
         for (int k = 0; k < K; k++) total += t->h[k];
     }
     t->state[FRESH] = 0.0;
-    t->state[LAST_LOG_LIKELIHOOD] = scale + log(total);
+    t->state[LAST_LOG_LIKELIHOOD] = scale + logarithm(total);
     t->state[LOG_LIKELIHOOD] += t->state[LAST_LOG_LIKELIHOOD];
     t->state[HOPELESS_TICKS] = largest < HOPELESS_SHARE ? t->state[HOPELESS_TICKS] + 1.0 : 0.0;
     if (t->state[HOPELESS_TICKS] >= t->patience) {
         t->state[HOPELESS_TICKS] = 0.0;
         t->state[RESTARTS] += 1.0;
         total = 0.0;
-        for (int k = 0; k < K; k++) t->h[k] = exp(t->log_b[k] - best), total += t->h[k];
+        for (int k = 0; k < K; k++) t->h[k] = exponential(t->log_b[k] - best), total += t->h[k];
     }
     for (int k = 0; k < K; k++) t->weights[k] = t->h[k] / total;
     return 1;

@@ -129,10 +129,10 @@ static inline void foresee(const Foresight *f, const Table *tables, int d, doubl
             slip += off_speed * off_speed;
         }
         far = far / (doubt * doubt) + slip / (slow * slow);
-        f->p[n] *= exp(-0.5 * worth * least(far, 200.0));
+        f->p[n] *= exponential(-0.5 * worth * least(far, 200.0));
         total += f->p[n];
     }
-    const double none = (told[NONE] + dt / NONE_COMES_S) * exp(-0.5 * worth * 2.0 * NONE_SIGMAS * NONE_SIGMAS);
+    const double none = (told[NONE] + dt / NONE_COMES_S) * exponential(-0.5 * worth * 2.0 * NONE_SIGMAS * NONE_SIGMAS);
     const double sure = total / (total + none), scale = 1.0 / (total + none);
     if (sure < 1.0 - GIVEN_UP || total < 1e-290) {
         give_up(f, d, told[TRIED] + 1.0);

@@ -1,7 +1,7 @@
 /* safety/envelope.py, detectors.py, situation.py and bounds.py once more, whole: RUN, COMPLY and HOLD, with every reason.
  *
- * _envelope.h has the ordinary tick alone, as Python calls it; here is what it leaves to the Python. One tick is
- * `guard_senses` before the skill's own, which runs where that says so, and `guard_sends` after it.
+ * One tick is `guard_senses` before the skill's own, which runs where that says so, and `guard_sends` after it. Python calls these
+ * two (safety/compiled_tick.py), and what is exported does.
  */
 
 #define REASONS(X) \
@@ -50,11 +50,19 @@ enum { REASONS(ITS_REASON) N_REASONS };
 #define SAME_HIGH 1.3
 #define LONGEST_WAIT_S 8.0
 
+/* Names of what Python has otherwise begin with a letter. value, passed_value: the number that belongs to the reason; limit_n: what a
+ * force was beyond; fresh, late: of this tick; low, high: the walls, around where it began */
+#define GUARD(X) \
+    X(mode, _state) X(reason, reason) X(value, value) X(passes, _passes) X(passed, passed) X(passed_value, passed_value) \
+    X(passed_s, _passed_s) X(wait_s, _wait_s) X(sinks_wait_s, _sinks_wait_s) X(bound, _bound) X(feels_s, _feels_s) X(ran, ran) \
+    X(first, _first) X(known, _known) X(ticks, _ticks) X(confidence, confidence) X(mistaken, _let_go.was_mistaken) \
+    X(pending, pending) X(jump_count, _jump._count) X(jump_for_s, _jump._for_s) X(fresh, fresh) X(late, late) X(limit_n, limit_n)
+#define GUARDED(X) \
+    X(cause, _cause) X(pulled, _pulled) X(at_first, _at_first) X(before_jump, before_jump) X(jump, jump) X(jump_sum, jump_sum) \
+    X(low, low) X(high, high)
 typedef struct {
-    double mode, reason, value, passes, passed, passed_s, wait_s, sinks_wait_s, bound, feels_s, ran, first, known, ticks, confidence;
-    double mistaken, pending, jumped, jump_count, jump_for_s, fresh, late; /* of LetGo, of Jump, of this tick */
-    Axes cause, pulled, at_first, before_jump, jump, jump_sum;
-    Axes low, high; /* the walls, around where it began */
+    GUARD(ONE_NUMBER)
+    GUARDED(ITS_AXES)
     Axes wish[3]; /* what the skill commands: position, velocity, acceleration */
     Ledger ledger;
 } Guard;
@@ -246,9 +254,11 @@ static inline void sensing(const Envelope *e, Guard *g, const Seen *seen, double
         if (jump > limits->position_jump + 2.0 * limits->v_max * l->elapsed) fault(g, REASON_POSITION_JUMP, jump);
         copy(l->at, seen->position, d);
     } else fault(g, REASON_POSITION, NAN);
-    int problem = wrong(e, seen->force, seen->velocity, l->impact_s <= 0.0 ? limits->force_limit : limits->impact_n, &value);
+    const double limit_n = l->impact_s <= 0.0 ? limits->force_limit : limits->impact_n;
+    int problem = wrong(e, seen->force, seen->velocity, limit_n, &value);
     if (!problem && seen->time - seen->force_time > limits->stale + 1e-9)
         problem = REASON_OLD, value = 1000.0 * (seen->time - seen->force_time);
+    if (problem && (g->mode != MODE_HOLD || g->passes != 0.0)) g->limit_n = limit_n;
     if (problem) fault(g, problem, value);
     if (stands_still(e, l, raw, seen->force, length(l->v, d), period)) fault(g, REASON_STUCK, NAN);
     if (problem) return;
@@ -370,7 +380,8 @@ static inline void look(const Envelope *e, Guard *g, const Seen *seen, double pe
 
 /* Envelope._goes_on */
 static inline void goes_on(Guard *g, int d, double reason) {
-    g->mode = MODE_RUN, g->reason = REASON_NONE, g->value = NAN, g->passes = 0.0, g->passed = reason, g->confidence = 0.0;
+    g->passed = reason, g->passed_value = reason == g->reason ? g->value : NAN;
+    g->mode = MODE_RUN, g->reason = REASON_NONE, g->value = NAN, g->passes = 0.0, g->confidence = 0.0;
     forget_pushes(&g->ledger);
     g->ledger.sinks_s = g->ledger.blocked_ns = 0.0;
     fill(g->ledger.wanted, 0.0, d);

@@ -129,7 +129,7 @@ static inline void sample(const Law *l, const double *x, const double *v) {
         best = most(best, w->said[m]);
     }
     for (int m = 0; m < n; m++) {
-        w->moved[m] = w->moved[m] * exp(most(w->said[m] - best, -WHERE_GATE) * worth);
+        w->moved[m] = w->moved[m] * exponential(most(w->said[m] - best, -WHERE_GATE) * worth);
         total += w->moved[m];
     }
     for (int m = 0; m < n; m++) w->p[m] = w->moved[m] / total;
@@ -284,7 +284,7 @@ static inline double untaught(const double *velocity, const double *taught, int 
 /* Compliance.step; `moving` is the larger of the compliance's speed and the reference's, or what `at_least_going` says */
 static inline void comply(Law *l, const Numbers *law, const double *excess, double moving, double astray, const double *feedforward) {
     const int d = l->d;
-    const double keep_slow = 1.0 - exp(-2.0 * PI * law->shake_hz * l->dt), keep_grip = 1.0 - exp(-2.0 * PI * law->grip_hz * l->dt);
+    const double keep_slow = 1.0 - exponential(-2.0 * PI * law->shake_hz * l->dt), keep_grip = 1.0 - exponential(-2.0 * PI * law->grip_hz * l->dt);
     const double rest = 1.0 - least(moving / law->moving_speed, 1.0);
     double damping = law->moving_damping + rest * rest * (law->resting_damping - law->moving_damping);
     damping += astray * law->untaught_damping;
@@ -409,7 +409,7 @@ static inline void hear(Law *l, const double *x, const double *felt) {
     for (int i = 0; i < d; i++) b->seen[i] = x[i], b->seen[d + i] = felt[i] - l->bias[i], b->seen[2 * d + i] = l->velocity[i];
     for (int i = 0; i < 3 * d; i++) {
         const double off = (b->seen[i] - b->centre[i]) / b->spread[i];
-        neither -= 0.5 * off * off + log(2.5066 * b->spread[i]);
+        neither -= 0.5 * off * off + logarithm(2.5066 * b->spread[i]);
     }
     while (*b->until <= 1e-9) {
         *b->until += b->numbers[BANK_DT];
@@ -420,7 +420,7 @@ static inline void hear(Law *l, const double *x, const double *felt) {
         }
         for (int i = 0; i <= b->n; i++) {
             const double told = most(b->said[i] - best, -b->numbers[BANK_GATE]) * b->numbers[BANK_MEMORY];
-            b->p[i] = ((1.0 - change) * b->p[i] + change * b->prior[i]) * exp(told);
+            b->p[i] = ((1.0 - change) * b->p[i] + change * b->prior[i]) * exponential(told);
             total += b->p[i];
         }
         for (int i = 0; i <= b->n; i++) b->p[i] /= total;

@@ -960,13 +960,16 @@ static double *kept(Array *slot, PyObject *object, Py_ssize_t n, int writable) {
 #endif
 #define TICK(law, filter, xi) (law)->level->tick(filter, xi)
 #include "_layout.h"
+#include "_exponential.h"
 #include "_vectors.h"
 #include "_path.h"
 #include "_foresight.h"
 #include "_law.h"
-#include "_plain.h"
+#include "_enter.h"
+#include "_roles.h"
 #include "_checker.h"
 #include "_envelope.h"
+#include "_guard.h"
 #include "_ordinary.h"
 #include "_beam.h"
 #include "_rows.h"
@@ -982,6 +985,7 @@ typedef struct {
     Table *tables; /* law.tables */
     Arrays arrays;
     PyObject *filter, *bank;
+    Role *role; /* of one that changes it, or NULL */
     Array slots[LAW_SLOTS];
 } Laws;
 
@@ -1117,13 +1121,13 @@ static int take_where(Laws *self, PyObject *stations, PyObject *firsts, PyObject
 
 static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
     PyObject *filter, *numbers, *following, *policy, *compliance, *pace_memory, *memory, *until, *seen, *bank;
-    PyObject *path, *velocity, *force, *way, *gain, *goal_rows, *stations, *firsts, *where, *goals, *foresight;
+    PyObject *path, *velocity, *force, *way, *gain, *goal_rows, *stations, *firsts, *where, *goals, *foresight, *role;
     double dt, model_dt, pull_s, bias_s;
     int d;
     (void)keywords;
-    if (!PyArg_ParseTuple(args, "O!OOO(OOOOOO)OOOOO(OOOO)iddddOO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
+    if (!PyArg_ParseTuple(args, "O!OOO(OOOOOO)OOOOO(OOOO)iddddOOO", filter_type, &filter, &numbers, &following, &policy, &path, &velocity,
                           &force, &way, &gain, &goal_rows, &compliance, &pace_memory, &memory, &until, &seen, &stations, &firsts, &where, &goals, &d, &dt, &model_dt, &pull_s, &bias_s,
-                          &bank, &foresight))
+                          &bank, &foresight, &role))
         return NULL;
     const int D = ((Filter *)filter)->tick.D;
     if (d < 1 || d > MOST_AXES || (D != d && D != 2 * d))
@@ -1139,6 +1143,7 @@ static PyObject *law_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     double *of_skill = TAKE(memory, 1, 8 * d + 7);
     l->until = TAKE(until, 1, 1);
     l->seen = TAKE(seen, 1, D);
+    self->role = role == Py_None ? NULL : TAKE(role, 1, sizeof(Role) / 8);
 #undef TAKE
     if (PyErr_Occurred() || take_tables(self, path, velocity, force, way, gain, goal_rows) < 0 || take_where(self, stations, firsts, where, goals) < 0 ||
         (foresight != Py_None && take_foresight(self, foresight) < 0) || (bank != Py_None && take_bank(self, bank, 3 * d, (Filter *)filter) < 0)) {
@@ -1186,6 +1191,13 @@ static int law_takes(Laws *self, PyObject *const *args, Py_ssize_t n, const doub
     return *x && *force && all_finite(*x, d) && all_finite(*force, d);
 }
 
+/* One tick of a skill that changes its role; 0, with nothing changed but what was heard, for the twin. */
+static int by_role(Laws *self, const double *x, const double *force, double *const out[3]) {
+    if (!self->role || !attend(&self->law, x, force)) return 0;
+    act_attended(&self->law, self->role, x, force, 1, out);
+    return 1;
+}
+
 #define LAW_METHOD(name, call)                                                          \
     static PyObject *law_##name(PyObject *object, PyObject *const *args, Py_ssize_t n) { \
         Law *l = &((Laws *)object)->law;                                                \
@@ -1196,23 +1208,40 @@ static int law_takes(Laws *self, PyObject *const *args, Py_ssize_t n, const doub
 LAW_METHOD(comply, follow(l, x, force, out, 0, 0))
 LAW_METHOD(follow, follow(l, x, force, out, 1, 1))
 LAW_METHOD(lead, lead(l, x, force, out))
-LAW_METHOD(lead_on, lead_on(l, x, force, out))
-LAW_METHOD(follow_on, follow_on(l, x, force, out))
+LAW_METHOD(by_role, by_role((Laws *)object, x, force, out))
 
-enum { FELT = 0, N_FELT = 5, WISH = N_FELT, SENT = WISH + 3, ENVELOPE_SLOTS = SENT + 3 }; /* FELT: as in `envelope_sense` */
+/* (position, goal, last): from rest there to that goal, see enter_law; how far outside of what was taught that is [m] */
+static PyObject *law_enter(PyObject *object, PyObject *args) {
+    Law *l = &((Laws *)object)->law;
+    PyObject *position;
+    double last;
+    int goal;
+    if (!PyArg_ParseTuple(args, "Oid", &position, &goal, &last)) return NULL;
+    if (goal < 0 || goal >= l->n_goals) return PyErr_Format(PyExc_ValueError, "goal %d of %d", goal, l->n_goals);
+    Arrays arrays = {.n = 0};
+    const double *x = take(&arrays, position, 0, l->d, 8, "position");
+    PyObject *off = x ? PyFloat_FromDouble(enter_law(l, x, goal, last, l->where.said)) : NULL;
+    release(&arrays);
+    return off;
+}
+
+enum { FELT = 0, N_FELT = 5, WISH = N_FELT, SENT = WISH + 3, ENVELOPE_SLOTS = SENT + 3 }; /* FELT: as in `envelope_senses` */
+enum { NOT_MINE = -1, RESTS, THINKS, RESUMES };                                            /* what it says of the skill */
 
 typedef struct {
     PyObject_HEAD
     Envelope envelope;
+    Guard *guard;
+    double *mode, *confidence; /* as shown */
     Arrays arrays;
     Array slots[ENVELOPE_SLOTS];
 } Envelopes;
 
 static PyObject *envelope_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-    PyObject *limits, *rules, *walls, *memory, *tank;
+    PyObject *limits, *rules, *walls, *memory, *tank, *mode, *confidence;
     int d, most_pulls, most_before, swing;
     (void)keywords;
-    if (!PyArg_ParseTuple(args, "OOOOOiiii", &limits, &rules, &walls, &memory, &tank, &d, &most_pulls, &most_before, &swing)) return NULL;
+    if (!PyArg_ParseTuple(args, "OOOOOOOiiii", &limits, &rules, &walls, &memory, &tank, &mode, &confidence, &d, &most_pulls, &most_before, &swing)) return NULL;
     if (d < 1 || d > MOST_AXES || most_pulls < 1 || most_before < 1 || swing < 1) return PyErr_Format(PyExc_ValueError, "1 to %d axes", MOST_AXES);
     Envelopes *self = (Envelopes *)PyType_GenericAlloc(type, 0);
     if (!self) return NULL;
@@ -1220,8 +1249,8 @@ static PyObject *envelope_new(PyTypeObject *type, PyObject *args, PyObject *keyw
     *e = (Envelope){.d = d, .most_pulls = most_pulls, .most_before = most_before, .swing = swing};
 #define TAKE(object, writable, count) take(&self->arrays, object, writable, count, 8, #object)
     const double *numbers = TAKE(limits, 0, sizeof(Limits) / 8), *checked = TAKE(rules, 0, 3 + 2 * d), *bounds = TAKE(walls, 0, 2 * d);
-    e->now = TAKE(memory, 1, sizeof(Ledger) / 8 + (most_pulls + most_before) * d);
-    e->tank = TAKE(tank, 1, 1);
+    Guard *guard = self->guard = TAKE(memory, 1, sizeof(Guard) / 8 + (most_pulls + most_before) * d);
+    e->tank = TAKE(tank, 1, 1), self->mode = TAKE(mode, 1, 1), self->confidence = TAKE(confidence, 1, 1);
 #undef TAKE
     if (PyErr_Occurred()) {
         Py_DecRef((PyObject *)self);
@@ -1233,7 +1262,8 @@ static PyObject *envelope_new(PyTypeObject *type, PyObject *args, PyObject *keyw
         e->low[i] = bounds[2 * i], e->high[i] = bounds[2 * i + 1];
         e->rules.low[i] = checked[3 + 2 * i], e->rules.high[i] = checked[4 + 2 * i];
     }
-    e->pulls = (double *)(e->now + 1);
+    e->now = &guard->ledger;
+    e->pulls = (double *)(guard + 1);
     e->before = e->pulls + most_pulls * d;
     return (PyObject *)self;
 }
@@ -1248,24 +1278,57 @@ static void envelope_dealloc(PyObject *object) {
     Py_DecRef((PyObject *)type);
 }
 
-/* (time, position, force, velocity, sensor_force, taught) */
-static PyObject *envelope_sense(PyObject *object, PyObject *const *args, Py_ssize_t n) {
+/* (time, force_time, position, force, velocity, sensor_force, taught): what the skill is to do, or NOT_MINE with nothing changed */
+static PyObject *envelope_senses(PyObject *object, PyObject *const *args, Py_ssize_t n) {
     Envelopes *self = (Envelopes *)object;
     const double *felt[N_FELT];
-    if (n != 1 + N_FELT || !PyFloat_Check(args[0])) Py_RETURN_FALSE;
+    double period;
+    if (n != 2 + N_FELT || !PyFloat_Check(args[0]) || !PyFloat_Check(args[1])) return PyLong_FromLong(NOT_MINE);
     for (int i = 0; i < N_FELT; i++)
-        if (!(felt[i] = kept(&self->slots[FELT + i], args[1 + i], self->envelope.d, 0))) Py_RETURN_FALSE;
-    return PyBool_FromLong(sense(&self->envelope, PyFloat_AsDouble(args[0]), felt[0], felt[1], felt[2], felt[3], felt[4]));
+        if (!(felt[i] = kept(&self->slots[FELT + i], args[2 + i], self->envelope.d, 0))) return PyLong_FromLong(NOT_MINE);
+    const Seen seen = {PyFloat_AsDouble(args[0]), PyFloat_AsDouble(args[1]), felt[0], felt[2], felt[3], felt[1], felt[4]};
+    Guard *g = self->guard;
+    const int resumes = guard_senses(&self->envelope, g, &seen, &period) == SKILL_RESUMES;
+    g->ledger.period = period;
+    return PyLong_FromLong(resumes ? RESUMES : thinks(&self->envelope, g, period) ? THINKS : RESTS);
 }
 
-/* position, velocity, acceleration of the skill's command and of that to be sent */
-static PyObject *envelope_act(PyObject *object, PyObject *const *args, Py_ssize_t n) {
+/* The skill has begun again from where the arm is. */
+static PyObject *envelope_recovered(PyObject *object, PyObject *none) {
+    Envelopes *self = (Envelopes *)object;
+    (void)none;
+    recovered(&self->envelope, self->guard);
+    return PyLong_FromLong(thinks(&self->envelope, self->guard, self->guard->ledger.period) ? THINKS : RESTS);
+}
+
+static void envelope_sends(Envelopes *self, double *const out[3]) {
+    guard_sends(&self->envelope, self->guard, self->guard->ledger.period, out);
+    *self->mode = self->guard->mode, *self->confidence = self->guard->confidence;
+}
+
+/* Position, velocity and acceleration of the skill's command and of that to be sent; False, with nothing changed, where it is unfit. */
+static PyObject *envelope_acts(PyObject *object, PyObject *const *args, Py_ssize_t n) {
     Envelopes *self = (Envelopes *)object;
     double *arrays[6];
+    const int d = self->envelope.d;
     if (n != 6) Py_RETURN_FALSE;
     for (int i = 0; i < 6; i++)
-        if (!(arrays[i] = kept(&self->slots[WISH + i], args[i], self->envelope.d, i >= 3))) Py_RETURN_FALSE;
-    return PyBool_FromLong(act(&self->envelope, (const double *const *)arrays, arrays + 3));
+        if (!(arrays[i] = kept(&self->slots[WISH + i], args[i], d, i >= 3)) || (i < 3 && !all_finite(arrays[i], d))) Py_RETURN_FALSE;
+    for (int i = 0; i < 3; i++) copy(self->guard->wish[i], arrays[i], d);
+    heed(&self->envelope, self->guard);
+    envelope_sends(self, arrays + 3);
+    Py_RETURN_TRUE;
+}
+
+/* The same where the skill is not asked. */
+static PyObject *envelope_rests(PyObject *object, PyObject *const *args, Py_ssize_t n) {
+    Envelopes *self = (Envelopes *)object;
+    double *out[3];
+    if (n != 3) Py_RETURN_FALSE;
+    for (int i = 0; i < 3; i++)
+        if (!(out[i] = kept(&self->slots[SENT + i], args[i], self->envelope.d, 1))) Py_RETURN_FALSE;
+    envelope_sends(self, out);
+    Py_RETURN_TRUE;
 }
 
 #if !defined(__clang__)
@@ -1279,10 +1342,12 @@ static PyObject *envelope_act(PyObject *object, PyObject *const *args, Py_ssize_
 
 /* --------------------------------------------------------------------------------------------------------- module */
 
+#define REASON_NAME(name, text) #name " "
 static const Layout LAYOUTS[] = {
     {"wrist", WRIST(ITS_NAME)}, {"person", HUMAN(ITS_NAME)}, {"along", ALONG(ITS_NAME)}, {"end", END(ITS_NAME)}, {"law", LAW(ITS_NAME)},
     {"policy", POLICY(ITS_NAME)}, {"limits", LIMITS(ITS_NAME)}, {"scalars", SCALARS(ITS_NAME)}, {"vectors", VECTORS(ITS_NAME) CHECKED(ITS_NAME)},
-    {"carry", CARRY(ITS_NAME)}, {"felt", FELT(ITS_NAME)},
+    {"carry", CARRY(ITS_NAME)}, {"felt", FELT(ITS_NAME)}, {"guard", GUARD(ITS_NAME)}, {"guarded", GUARDED(ITS_NAME)},
+    {"reasons", REASONS(REASON_NAME)}, {"role", ROLE(ITS_NAME)},
 };
 
 static PyObject *layouts(PyObject *self, PyObject *none) {
@@ -1367,16 +1432,18 @@ static PyMethodDef law_methods[] = {
     LAW_ENTRY(comply, "One tick of compliance alone."),
     LAW_ENTRY(follow, "One tick of a follower."),
     LAW_ENTRY(lead, "One tick of a leader."),
-    LAW_ENTRY(lead_on, "One tick of a leader who may give way."),
-    LAW_ENTRY(follow_on, "One tick of a follower who may take over."),
+    LAW_ENTRY(by_role, "One tick of a skill that follows, offers to lead or leads."),
+    {"enter", law_enter, METH_VARARGS, "From rest, to a goal; how far outside of what was taught that is."},
     {NULL, NULL, 0, NULL},
 };
 static PyType_Slot law_slots[] = {{Py_tp_new, law_new}, {Py_tp_dealloc, law_dealloc}, {Py_tp_methods, law_methods}, {0, NULL}};
 static PyType_Spec law_spec = {"comanip.kernels._native.Law", sizeof(Laws), 0, Py_TPFLAGS_DEFAULT, law_slots};
 
 static PyMethodDef envelope_methods[] = {
-    {"sense", (PyCFunction)(void (*)(void))envelope_sense, METH_FASTCALL, "Before the skill; False, with nothing changed, when not ordinary."},
-    {"act", (PyCFunction)(void (*)(void))envelope_act, METH_FASTCALL, "After the skill; False, with nothing changed, when not ordinary."},
+    {"senses", (PyCFunction)(void (*)(void))envelope_senses, METH_FASTCALL, "Before the skill: whether it rests, thinks or begins again."},
+    {"recovered", envelope_recovered, METH_NOARGS, "After it has begun again: whether it rests or thinks."},
+    {"acts", (PyCFunction)(void (*)(void))envelope_acts, METH_FASTCALL, "After it thought; False, with nothing changed, when unfit."},
+    {"rests", (PyCFunction)(void (*)(void))envelope_rests, METH_FASTCALL, "Where it did not."},
     {NULL, NULL, 0, NULL},
 };
 static PyType_Slot envelope_slots[] = {

@@ -1,8 +1,12 @@
-/* The ordinary tick of safety/envelope.py, as Python calls it: in RUN, on a fresh, timely and plausible sample, with nothing to say
- * about it. Two steps, around the skill's own. Each does all that the Python does there, in the same order and to the same bits, or
- * gives 0 and leaves everything untouched: then the Python, the one source of every reason, takes the tick. In doubt a tick is not
- * ordinary. _guard.h has every tick.
+/* The ordinary tick of safety/envelope.py, as the gym's many runs take it: in RUN, on a fresh, timely and plausible sample, with nothing
+ * to say about it. Two steps, around the skill's own. Each does all that _guard.h does there, in the same order and to the same bits,
+ * or gives 0 and leaves everything untouched. In doubt a tick is not ordinary.
  */
+
+/* Nothing is under way that only _guard.h knows. */
+static inline int nothing_is_up(const Guard *g) {
+    return g->mode == MODE_RUN && g->confidence >= 1.0 && g->passed == 0.0 && g->first == 0.0 && g->ticks >= 5.0 && g->pending == 0.0;
+}
 
 /* Envelope._clock */
 static inline int timely(const Envelope *e, Ledger *l, double t) {

@@ -1,7 +1,10 @@
-/* skills/roles.py once more, whole: follows, offers to lead, leads. _law.h has the plain ticks of following and leading alone. */
+/* skills/roles.py once more, whole: follows, offers to lead, leads. */
 
+#define ROLE(X) \
+    X(acts, acts) X(gives, gives) X(answers, answers) X(placed, placed) X(gave_way, gave_way) X(put_back, put_back) X(reached, reached) \
+    X(push, push) X(meant, meant) X(blend, blend) X(complies_only, complies_only) X(outside, outside)
 typedef struct { /* RoleSkill, what is not in its memory */
-    double acts, gives, answers, placed, gave_way, put_back, reached, push, meant, blend, complies_only, outside;
+    ROLE(ONE_NUMBER)
     Axes place, way;
 } Role;
 
@@ -119,14 +122,14 @@ static inline void led_by(Law *l, Role *r, const double *x, const double *force,
     }
 }
 
-/* RoleSkill._step, of finite numbers */
-static inline void act_by_role(Law *l, Role *r, const double *x, const double *felt, int whole, double *const out[3]) {
+/* RoleSkill._step, of finite numbers that were attended to */
+static inline void act_attended(Law *l, Role *r, const double *x, const double *felt, int whole,
+                                double *const out[3]) {
     const int d = l->d;
     double change = l->dt / l->policy.blend_s;
     Axes force, reference = {0}, excess, both;
     Numbers asking = l->law, offering = l->following, mixed;
     copy(l->position, x, d);
-    (void)attend(l, x, felt);
     for (int i = 0; i < d; i++) {
         force[i] = felt[i] - l->bias[i];
         l->pull[i] += l->pull_share * (force[i] - l->pull[i]);
@@ -156,6 +159,11 @@ static inline void act_by_role(Law *l, Role *r, const double *x, const double *f
                                                 : most(most(length(l->compliance, d), length(reference, d)), departs);
     comply(l, law, excess, moving, astray, ahead);
     send(l, law, x, reference, out);
+}
+
+static inline void act_by_role(Law *l, Role *r, const double *x, const double *felt, int whole, double *const out[3]) {
+    (void)attend(l, x, felt);
+    act_attended(l, r, x, felt, whole, out);
 }
 
 /* RoleSkill._enter; `told_to_lead` as it was made, `last` as for enter_law */

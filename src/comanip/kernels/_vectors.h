@@ -1,5 +1,5 @@
 /* Arithmetic on a few axes in plain order, as in signals/vectors.py. Nothing here or in what is built on it allocates, keeps anything
- * of its own, or calls more of <math.h> than exp, log, sqrt and fabs: it compiles as C99 anywhere, and `comanip export` writes it out.
+ * of its own, or calls more of <math.h> than sqrt and fabs: it compiles as C99 anywhere, and `comanip export` writes it out.
  */
 
 #define MOST_AXES 6

@@ -60,6 +60,23 @@ BLOCKS: dict[str, tuple[str, ...]] = {
         "_missing.pull", "_let_go.weight", "_stuck.last", "_stuck.same_s", "_stuck._same_m", "_stuck._changes", "_stuck._least",
         "_stuck._usual", "_stuck._dead", "_jump.last", "_shaking._slow", "_checker.at", "_checker.last",
     ),  # the same, (d,) each
+    "guard": (
+        "_state", "reason", "value", "_passes", "passed", "passed_value", "_passed_s", "_wait_s", "_sinks_wait_s", "_bound",
+        "_feels_s", "ran", "_first", "_known", "_ticks", "confidence", "_let_go.was_mistaken", "pending", "_jump._count",
+        "_jump._for_s", "fresh", "late", "limit_n",
+    ),  # the envelope's memory of what stopped it; a name without "_" is of C alone, or Python has it otherwise
+    "guarded": (
+        "_cause", "_pulled", "_at_first", "before_jump", "jump", "jump_sum", "low", "high",
+    ),  # the same, (d,) each
+    "reasons": (
+        "NONE", "NOT_STARTED", "POLICY", "CLOCK", "OLD", "LATE", "POSITION", "POSITION_JUMP", "FORCE", "TOO_STRONG", "VELOCITY",
+        "STUCK", "TOO_HEAVY", "FORCE_JUMPED", "NOT_FOLLOWING", "GONE", "SINKS", "PUSHED", "BLOCKED", "LET_GO", "CHECKER_SPEED",
+        "CHECKER_ACCELERATION", "CHECKER_ROOM", "OUTSIDE", "IN_MOTION", "PULLED", "STUCK_STILL",
+    ),  # of the envelope, by number
+    "role": (
+        "acts", "gives", "answers", "placed", "gave_way", "put_back", "reached", "push", "meant", "blend", "complies_only",
+        "outside",
+    ),  # of skills.roles.RoleSkill
     "carry": (
         "dt_s", "noise_n", "bias_n", "half_mass_kg", "sums", "fastest_m_per_s", "good_s", "average", "late_ticks", "blend",
         "size_m", "effort_n", "rough_m_per_s2", "ends_early", "waits", "onset_s", "starts_by_s", "tilt_rad", "moved_m",

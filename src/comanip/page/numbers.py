@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from math import exp, nan
+from math import nan
 from operator import attrgetter
 from typing import Any
 
@@ -23,6 +23,7 @@ from ..reproduction import make_auto, make_skill
 from ..safety import detectors
 from ..safety import limits as taught
 from ..safety.limits import Limits
+from ..signals.exponential import exponential
 from ..signals.filters import lowpass_coefficients
 from ..skills import foresight, reference, whereabouts
 from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill, tables_of
@@ -157,7 +158,7 @@ def constants(task: Task, *, dt: float) -> dict[str, Any]:
     header = {
         "version": VERSION, "dt": dt, "strengths": len(GAINS), "plans": plans,
         "alike": len(foresight.PACES) * len(foresight.LATE_S),
-        "keep": exp(-dt / foresight.FELT_S), "pull_s": PULL_S, "bias_s": BIAS_S, "gate": GATE, "patience": PATIENCE,
+        "keep": exponential(-dt / foresight.FELT_S), "pull_s": PULL_S, "bias_s": BIAS_S, "gate": GATE, "patience": PATIENCE,
         "most_pulls": max(round(detectors.SLOW_SWING_S / dt), 1), "most_before": 1 + max(round(detectors.STILL_S / dt), 1),
         "swing": max(round(detectors.SWING_S / dt), 1), "beside": taught.BESIDE_M, **_weighing(dt, task, EXPECTED_DELAY_S),
     }  # fmt: skip

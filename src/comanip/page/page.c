@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "../kernels/_layout.h"
+#include "../kernels/_exponential.h"
 #include "../kernels/_vectors.h"
 #include "../kernels/_path.h"
 #include "../kernels/_foresight.h"

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from math import exp, inf, isfinite, nan, pi
+from math import inf, isfinite, nan, pi
 
 from ..interfaces import STANDARD_GRAVITY
+from ..signals.exponential import exponential
 from ..signals.vectors import apart, dot, length
 
 WEIGHED_TICKS = 25
@@ -320,7 +321,7 @@ class Shaking:
         self._slow, self._mean, self.amplitude = [0.0] * n_axes, 0.0, 0.0
 
     def step(self, force_n: Sequence[float], period: float) -> None:
-        share = 1.0 - exp(-2.0 * pi * period)
+        share = 1.0 - exponential(-2.0 * pi * period)
         self._slow = [slow + share * (f - slow) for f, slow in zip(force_n, self._slow, strict=True)]
         self._mean += min(period / 0.5, 1.0) * (apart(force_n, self._slow) - self._mean)
         self.amplitude = 1.57 * self._mean  # mean |sin| is amplitude / 1.57

@@ -31,7 +31,7 @@ from ..kernels.copies import Copied
 from ..signals.vectors import apart, length
 from .bounds import Bounds
 from .checker import Checker
-from .compiled_tick import LENT, MOST_AXES, Ordinary
+from .compiled_tick import LENT, MOST_AXES, CompiledTick, Lending
 from .detectors import Jump, LetGo, Missing, Pushed, Shaking, Sinking, Stuck
 from .limits import Limits
 from .situation import ABSURD, BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation, leading_of, taught_by
@@ -40,7 +40,7 @@ NAMES = ("RUN", "COMPLY", "HOLD")
 SAME_SAMPLE = 1e-3  # of a period: a stamp that advances by less is the same sample again, and its clock is not believed
 
 
-class Envelope(Copied, Situation, Bounds):
+class Envelope(Copied, Situation, Bounds, Lending):
     """Wraps `skill`; has its socket. `rearm` is for the user alone.
 
     tells     optional confidence in [0, 1] that the observation is like what was taught: below 1 the command fades to COMPLY
@@ -50,7 +50,7 @@ class Envelope(Copied, Situation, Bounds):
     Diagnostics: the skill's, and mode (0 RUN, 1 COMPLY, 2 HOLD), tank (1,) [J], confidence.
     """
 
-    ANEW = ("_ordinary",)
+    ANEW = ("_compiled",)
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class Envelope(Copied, Situation, Bounds):
         self._mode, self._tank, self._confidence = np.zeros(1), np.full(1, limits.energy_j), np.ones(1)
         self._inner = Command(d)
         self._frozen: dict[str, Array] | None = None
-        self._ordinary: Any = None
+        self._compiled: Any = None
         self._is_lent = self._ran = False
         self._taught, self._leading, self._leads = taught_by(skill, self._d), leading_of(skill), 0.0
         self._restart(0.0, [0.0] * d)
@@ -86,8 +86,8 @@ class Envelope(Copied, Situation, Bounds):
         self._link()
 
     def _link(self) -> None:
-        """The ordinary tick, where it was compiled."""
-        self._ordinary = Ordinary(self) if kernels.native is not None and self._d <= MOST_AXES else None
+        """The tick, where it was compiled."""
+        self._compiled = CompiledTick(self) if kernels.native is not None and self._d <= MOST_AXES else None
 
     def __getstate__(self) -> dict[str, Any]:
         self._take_back()
@@ -115,17 +115,17 @@ class Envelope(Copied, Situation, Bounds):
     @property
     def mode(self) -> str:
         """ "RUN", "COMPLY" or "HOLD"."""
-        return NAMES[self._state]
+        return NAMES[self._compiled.state() if self._is_lent else self._state]
 
     @property
     def reason(self) -> str:
         """Why it is not in RUN; empty in RUN."""
-        return self._reason
+        return self._compiled.reason() if self._is_lent else self._reason
 
     @property
     def passes(self) -> bool:
         """Whether what stopped it may pass, and it then goes on by itself; else only `rearm` ends it."""
-        return self._state != RUN and self._passes
+        return self._compiled.passes() if self._is_lent else self._state != RUN and self._passes
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
@@ -138,8 +138,8 @@ class Envelope(Copied, Situation, Bounds):
 
     @property
     def notice(self) -> str:
-        if self._state != RUN:
-            return f"{self.mode}: {self._reason}"
+        if self.mode != NAMES[RUN]:
+            return f"{self.mode}: {self.reason}"
         if self._confidence[0] < 1.0:
             return f"goes on by itself: {self._passed} has passed" if self._passed else "COMPLY: unlike what was taught"
         said = [self.skill.notice, *self._flags()]
@@ -303,22 +303,8 @@ class Envelope(Copied, Situation, Bounds):
             self._write(command, self._v, False)
 
     def _step(self, obs: Observation, command: Command) -> None:
-        """An ordinary tick is compiled, but for the skill's own; where there is anything to say, it is said here."""
-        ordinary, inner = self._ordinary, self._inner
-        plain = self._is_lent and self._tells is None and self._timer is None and not obs.time - obs.force_time > self._stale
-        if plain:
-            ordinary.leads[0] = self._leading[0]
-        if plain and ordinary.sense(obs.time, obs.position, obs.force, obs.velocity, obs.sensor_force, self._taught):
-            try:
-                self.skill.step(obs, inner)
-                if self._is_lent and ordinary.act(  # not lent any more: the skill has looked at its envelope
-                    inner.position, inner.velocity, inner.acceleration, command.position, command.velocity, command.acceleration
-                ):
-                    return
-                problem = self._unfit()
-            except Exception as error:
-                problem = repr(error)
-            self._remark(problem, command)
+        """A tick is compiled, but for the skill's own; here is the same to read."""
+        if self._lends() and self._step_compiled(obs, command):
             return
         self._take_back()
         self._leads = float(self._leading[0])
@@ -334,27 +320,6 @@ class Envelope(Copied, Situation, Bounds):
             self._think(obs, period, fresh)
         self._send(command, period, fresh, late)
 
-    def _remark(self, problem: str, command: Command) -> None:
-        """What is left of a tick whose observation was ordinary, and whose command is not."""
-        self._take_back()
-        self._heed(problem, 1.0)
-        self._send(command, self._period, True, False)
-
-    def _lend(self) -> None:
-        """To the compiled tick, while nothing is under way that only the Python knows."""
-        if self._ordinary is None or self._state != RUN or self._frozen is not None or self._confidence[0] < 1.0 or self._passed:
-            return
-        if self._let_go.weighs and length(self._v) < self.limits.moving_m_per_s:
-            return  # the next tick weighs, which is the Python's
-        if not self._first and self._ticks >= 5 and self._jump.pending is None:
-            self._ordinary.lend(self)
-            self._is_lent = True
-
-    def _take_back(self) -> None:
-        if self._is_lent and self._ordinary is not None:
-            self._is_lent = False
-            self._ordinary.take_back(self)
-
     def _send(self, command: Command, period: float, fresh: bool, late: bool) -> None:
         velocity = self._clip(period)
         verdict = self._checker.judge(period, velocity, late)
@@ -366,7 +331,6 @@ class Envelope(Copied, Situation, Bounds):
             self._rate = [(new - old) / period for new, old in zip(velocity, self._v, strict=True)]
         self._v = velocity
         self._write(command, velocity, passed)
-        self._lend()
 
     def _clock(self, obs: Observation) -> tuple[float, bool, bool]:
         """(period [s], a new sample came, the period was too long)."""

@@ -146,12 +146,22 @@ class Situation:
             return
         if (self._state == HOLD and length(self._v) > 0.0) or self._problem(obs):
             return
-        reason = self._reason
+        if problem := self._resumes(obs):
+            self._fault(problem)
+        else:
+            self._recovered()
+
+    def _resumes(self: Any, obs: Observation) -> str:
+        """The skill begins again from where the arm is; why it does not (empty: it does)."""
         try:
             self._enter(obs, True)
         except Exception as error:
-            self._fault(f"policy: {error!r}")
-            return
+            return f"policy: {error!r}"
+        return ""
+
+    def _recovered(self: Any) -> None:
+        """What stopped it has passed, and the skill has begun again."""
+        reason = self._reason
         if self._state == HOLD:  # from where the arm is
             self._x, self._sent = list(self._at), list(self._at)
             self._checker.start(self._at)
@@ -160,7 +170,7 @@ class Situation:
         if reason == LOST:
             self._missing.mistaken()
         self._let_go.forget()
-        self._sinking = Sinking(limits.alone_n)
+        self._sinking = Sinking(self.limits.alone_n)
         self._goes_on(reason)
 
     def _goes_on(self: Any, reason: str) -> None:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from math import isfinite
+from math import isfinite, nan
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,7 @@ ROLES = ("leader", "follower")
 FADES_S, FADES_BELOW = 1.0, 0.7  # an offset from the path fades in so long at least, and below this share of the taught top speed
 EASES_S = 0.8  # who enters where lessons were in motion comes up to their speed in this time,
 BEGINS_S = 0.3  # and where they began, in this: what counts as motion in a lesson begins at a few per cent of its speed, not at 0
+MOST_AXES = 6  # of a compiled tick
 SAID_M = 0.05  # an offset that is worth saying
 LATEST = 1.8  # times as long as taught a leader may take: long motions at the slowest clock would outlast the partner's patience
 
@@ -275,7 +276,7 @@ class CollaborativeSkill(Copied):
         self._compliance = Compliance(d, dt)
         self._foresight = Foresight(dt, d, self._pace.references)
         self._memory = memory(d)
-        self._expected, self._velocity, self._position, *_, self.taught = self._memory[: 8 * d].reshape(8, d)
+        self._expected, self._velocity, self._position, self._start, *_, self.taught = self._memory[: 8 * d].reshape(8, d)
         self._phase, self._rate, *_ = self._memory[8 * d :].reshape(7, 1)
         self._complies_only, self._outside, self._begun = False, 0.0, False
         self.leading = np.zeros(1)  # for the envelope: 1 while it goes by itself
@@ -324,19 +325,27 @@ class CollaborativeSkill(Copied):
     def _enter(self, obs: Observation, last_s: float | None) -> None:
         goal = self._where.goal if last_s is not None else self._told or 0
         self._watch.reset()
-        self._memory[:] = 0.0
-        self._position[:] = believable(obs.position)
-        self._compliance.reset()
-        entry_s = [r.entry(self._position, last_s) for r in self._pace.references]
-        self._foresight.reset(self._position.tolist(), begins=entry_s[goal] <= 0.0)
-        self._where.reset(self._position, goal, entry_s)
-        self._pace.start(entry_s[goal], self._position, goal=goal, waits_s=self.law.start_delay_s)
-        self._phase[0] = entry_s[goal]
-        self._outside = min(r.outside_m(self._position) for r in self._pace.references)
+        position = believable(obs.position)
+        if self._compiled is not None:
+            self._outside = self._compiled.enter(position, goal, nan if last_s is None else last_s)
+        else:
+            self._outside = self._from_rest(position, goal, last_s)
         self._complies_only = bool(self._outside > self.law.reach_m)
         self.leading[0] = float(self.role == "leader" and not self._complies_only)
         self._begun = True
         self._choose()
+
+    def _from_rest(self, position: Array, goal: int, last_s: float | None) -> float:
+        """At `position` on the way to `goal`; how far outside of what was taught that is [m]."""
+        self._memory[:] = 0.0
+        self._position[:] = self._start[:] = position
+        self._compliance.reset()
+        entry_s = [r.entry(position, last_s) for r in self._pace.references]
+        self._foresight.reset(position.tolist(), begins=entry_s[goal] <= 0.0)
+        self._where.reset(position, goal, entry_s)
+        self._pace.start(entry_s[goal], position, goal=goal, waits_s=self.law.start_delay_s)
+        self._phase[0] = entry_s[goal]
+        return min(r.outside_m(position) for r in self._pace.references)
 
     def step(self, obs: Observation, command: Command) -> None:
         tick = self._tick
@@ -438,13 +447,14 @@ def compiled(
     bias_s: float = 1.0,
     bank: Any = None,
     foresight: Foresight | None = None,
+    role: Array | None = None,
 ) -> Any:
     """The tick of a skill made of these parts, in C and over their arrays; None where nothing could be compiled.
 
-    following, policy, pull_s, bias_s, bank   of a skill that changes its role, see `skills.roles`
+    following, policy, pull_s, bias_s, bank, role   of a skill that changes its role, see `skills.roles`
     """
     d = len(pace.expected)
-    if watch.filter.compiled is None or d > 6 or len(watch.seen) not in (d, 2 * d):
+    if watch.filter.compiled is None or d > MOST_AXES or len(watch.seen) not in (d, 2 * d):
         return None
 
     def by_name(law: CollaborativeLaw) -> Array:
@@ -454,7 +464,7 @@ def compiled(
         watch.filter.compiled, by_name(pace.law), by_name(following or pace.law), np.array(policy),
         tables_of(pace.references), compliance.memory, pace.memory, memory, watch.until, watch.seen,
         (where.stations, where.firsts, where.memory, where.goals), d, dt, watch.model_dt, pull_s, bias_s, bank,
-        foresight and foresight.shared(),
+        foresight and foresight.shared(), role,
     )  # fmt: skip
 
 

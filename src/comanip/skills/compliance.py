@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from math import exp, pi
+from math import pi
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..interfaces import Array, Command
 from ..kernels.copies import Copied
+from ..signals.exponential import exponential
 from ..signals.vectors import length
 
 if TYPE_CHECKING:
@@ -75,11 +76,11 @@ class Compliance(Copied):
         stable if B + D > tau K. So a stiff partner needs D, and only such a partner. A firm grip turns faster than D can hold.
         """
         share, memory_s = min(self._dt / 0.3, 1.0), law.shake_memory_s
-        keep = 1.0 - exp(-2.0 * pi * law.shake_hz * self._dt)
+        keep = 1.0 - exponential(-2.0 * pi * law.shake_hz * self._dt)
         # twice: of a stroke of 0.6 Hz one such filter leaves a quarter, and damps the task; two leave a twentieth
         quick = _beyond(excess, self._slow, keep)
         fast = _beyond(quick, self._slower, keep)
-        faster = _beyond(quick, self._gripping, 1.0 - exp(-2.0 * pi * law.grip_hz * self._dt))
+        faster = _beyond(quick, self._gripping, 1.0 - exponential(-2.0 * pi * law.grip_hz * self._dt))
         shake, went_on, turn, turned = self._shaking.tolist()
         shake += share * (min(length(fast), ABSURD) - shake)
         turn += share * (min(length(faster), ABSURD) - turn)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import exp, isfinite, log
+from math import isfinite
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from ..interfaces import Array
 from ..kernels.copies import Copied
 from ..models.filtering import ForwardFilter
 from ..models.hmm import Hmm
+from ..signals.exponential import exponential, logarithm
 from ..signals.vectors import plain_sum
 from .collaborate import ABSURD
 
@@ -110,7 +111,7 @@ class RoleEvidence(Copied):
         best, doubts = max(said), self._doubts
         change, worth = self._dt / doubts.switch_s, self._dt / doubts.memory_s
         p = [
-            ((1.0 - change) * p + change * prior) * exp(max(log_l - best, -doubts.gate) * worth)
+            ((1.0 - change) * p + change * prior) * exponential(max(log_l - best, -doubts.gate) * worth)
             for p, prior, log_l in zip(self._p.tolist(), self._prior.tolist(), said, strict=True)
         ]
         total = plain_sum(p)
@@ -122,7 +123,7 @@ class RoleEvidence(Copied):
         for x, centre, spread in zip(seen, self._centre.tolist(), self._spread.tolist(), strict=True):
             if isfinite(x):
                 off = (x - centre) / spread
-                log_density -= 0.5 * off * off + log(2.5066 * spread)
+                log_density -= 0.5 * off * off + logarithm(2.5066 * spread)
         return log_density
 
     def _tell(self) -> None:

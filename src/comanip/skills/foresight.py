@@ -22,13 +22,13 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from math import exp
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..interfaces import Array
 from ..kernels.copies import Copied
+from ..signals.exponential import exponential
 from ..signals.vectors import dot, length
 from .reference import PhaseReference
 
@@ -112,7 +112,7 @@ class Foresight(Copied):
 
     def __init__(self, dt: float, n_axes: int, references: Sequence[PhaseReference] = ()) -> None:
         self._dt, self._d = dt, n_axes
-        self._keep = exp(-dt / FELT_S)
+        self._keep = exponential(-dt / FELT_S)
         self.plans = [Plans.along(reference) for reference in references]
         n = GRID.shape[1]
         self.memory = np.zeros(4 * n_axes + 8 + 2 * n)
@@ -202,8 +202,8 @@ class Foresight(Copied):
         slow = SPEED_M_PER_S + SPEED_SHARE * length(u)
         worth = min(self._dt / MEMORY_S, 1.0)
         far = _squares(meant - z) / (doubt * doubt) + _squares(speed - u) / (slow * slow)
-        self._p *= [exp(log_b) for log_b in (-0.5 * worth * np.minimum(far, 200.0)).tolist()]
-        none = (float(told[NONE]) + self._dt / NONE_COMES_S) * exp(-0.5 * worth * 2.0 * NONE_SIGMAS * NONE_SIGMAS)
+        self._p *= [exponential(log_b) for log_b in (-0.5 * worth * np.minimum(far, 200.0)).tolist()]
+        none = (float(told[NONE]) + self._dt / NONE_COMES_S) * exponential(-0.5 * worth * 2.0 * NONE_SIGMAS * NONE_SIGMAS)
         total = _sum(self._p)
         sure = total / (total + none)
         if sure < 1.0 - GIVEN_UP or total < 1e-290:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from math import isfinite
+from math import isfinite, nan
 
 import numpy as np
 
@@ -35,10 +35,10 @@ from .collaborate import (
 from .compliance import command_velocity, untaught
 from .evidence import RoleEvidence
 from .foresight import Foresight, anticipated
+from .kept import FOLLOWS, LEADS, PROBES, Kept
 from .reference import PhaseReference
 from .whereabouts import Whereabouts
 
-FOLLOWS, PROBES, LEADS = "follows", "offers to lead", "leads"
 LATER = 1.5  # other people rest longer than those of the lessons
 AROUND_S = 1.0  # so much of the path around where it is thought to be may be where it is
 BIAS_S = 1.5  # how fast a force at rest, before the first motion, is taken for the sensor's
@@ -89,7 +89,7 @@ class RolePolicy:
         )
 
 
-class RoleSkill(Copied):
+class RoleSkill(Copied, Kept):
     """Leads or follows, as the partner leaves it to do; both from lessons of those roles.
 
     watch        shows where in the leader's task this is
@@ -105,7 +105,7 @@ class RoleSkill(Copied):
     """
 
     stop_reason = ""
-    ANEW = ("_compiled", "_go_on")
+    ANEW = ("_compiled", "_tick")
 
     def __init__(
         self,
@@ -140,11 +140,9 @@ class RoleSkill(Copied):
         numbers = self._memory[8 * d :].reshape(7, 1)
         self._phase, self._rate, self._rest_s, self._moved, self._against_s, self._held_s, told = numbers
         told[0] = -1.0 if goal is None else goal
-        self._nothing, self._seen, self._blend = np.zeros(d), np.zeros(3 * d), np.zeros(1)
+        self._nothing, self._seen = np.zeros(d), np.zeros(3 * d)
+        self._keep(d)
         self.leading = self._blend  # for the envelope
-        self._way = np.zeros(d)  # where an offer pushes
-        self._complies_only, self._outside = False, 0.0
-        self._state = FOLLOWS
         self._begun = False
         self._link()
 
@@ -153,9 +151,9 @@ class RoleSkill(Copied):
         self._compiled = compiled(
             self._watch, self._pace, self._compliance, self._where, self._memory, self._dt, following=self._laws[0],
             policy=shared, pull_s=PULL_S, bias_s=BIAS_S, bank=self.evidence and self.evidence.bank, foresight=self._foresight,
+            role=self.kept,
         )  # fmt: skip
-        # the compiled tick of a state; it says itself when that may change
-        self._go_on: Callable[..., bool] | None = self._plain() if self._begun else None
+        self._tick: Callable[..., bool] | None = self._compiled.by_role if self._compiled is not None and self._begun else None
 
     @property
     def diagnostics(self) -> Mapping[str, Array]:
@@ -198,43 +196,43 @@ class RoleSkill(Copied):
         self._watch.reset()
         if self.evidence is not None:
             self.evidence.reset()
-        self._memory[:-1] = 0.0
-        self._position[:] = self._start[:] = believable(obs.position)
-        self._compliance.reset()
-        entry_s = [r.entry(self._position, last_s) for r in self._pace.references]
-        if self._foresight is not None:
-            self._foresight.reset(self._position.tolist(), begins=entry_s[goal] <= 0.0)
-        self._where.reset(self._position, goal, entry_s)
-        self._pace.start(entry_s[goal], self._position, goal=goal, waits_s=self._pace.law.start_delay_s)
-        self._phase[0] = entry_s[goal]
+        position = believable(obs.position)
+        if self._compiled is not None:
+            self._outside = self._compiled.enter(position, goal, nan if last_s is None else last_s)
+        else:
+            self._outside = self._from_rest(position, goal, last_s)
         self._state = LEADS if self._told_to_lead or led else FOLLOWS
         self._gives, self._answers = False, 0
-        self._place: Array | None = None  # where an offer was begun, or answered
+        self._place = None
         self._gave_way = self._put_back = False
         self._reached = self._push = 0.0
-        self._outside = min(r.outside_m(self._position) for r in self._pace.references)
         self._complies_only = self._outside > self._pace.law.reach_m
         if self._complies_only:
             self._state = FOLLOWS
         self._meant = self._blend[0] = float(self._state == LEADS)
-        self._go_on, self._begun = self._plain(), True
+        self._begun = True
+        self._tick = None if self._compiled is None else self._compiled.by_role
+
+    def _from_rest(self, position: Array, goal: int, last_s: float | None) -> float:
+        """At `position` on the way to `goal`; how far outside of what was taught that is [m]."""
+        self._memory[:-1] = 0.0
+        self._position[:] = self._start[:] = position
+        self._compliance.reset()
+        entry_s = [r.entry(position, last_s) for r in self._pace.references]
+        if self._foresight is not None:
+            self._foresight.reset(position.tolist(), begins=entry_s[goal] <= 0.0)
+        self._where.reset(position, goal, entry_s)
+        self._pace.start(entry_s[goal], position, goal=goal, waits_s=self._pace.law.start_delay_s)
+        self._phase[0] = entry_s[goal]
+        return min(r.outside_m(position) for r in self._pace.references)
 
     def step(self, obs: Observation, command: Command) -> None:
-        go_on = self._go_on
-        if go_on is None or not go_on(obs.position, obs.force, command.position, command.velocity, command.acceleration):
+        tick = self._tick
+        if tick is None or not tick(obs.position, obs.force, command.position, command.velocity, command.acceleration):
             self._step(obs, command)
-            self._go_on = self._plain()
-
-    def _plain(self) -> Callable[..., bool] | None:
-        """The compiled tick where it does the same: wholly the leader or wholly the follower, and nothing is being asked."""
-        if self._compiled is None or self._complies_only:
-            return None
-        lead_on, follow_on = self._compiled.lead_on, self._compiled.follow_on
-        if self._state == LEADS:
-            return lead_on if self._meant >= 1.0 and self._blend[0] == 1.0 else None
-        return follow_on if self._state == FOLLOWS and self._blend[0] == 0.0 and self._place is None else None
 
     def _step(self, obs: Observation, command: Command) -> None:
+        """The tick to read; the compiled one leaves it what is missing."""
         x = obs.position if isfinite(obs.position.sum()) else np.where(np.isfinite(obs.position), obs.position, self._position)
         force = obs.force if isfinite(obs.force.sum()) else np.where(np.isfinite(obs.force), obs.force, 0.0)
         self._position[:] = x

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import exp, isfinite, log
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from ..interfaces import Array
 from ..kernels.copies import Copied
+from ..signals.exponential import exponential, logarithm
 from ..signals.vectors import dot, length, plain_sum
 from .reference import PhaseReference
 
@@ -68,7 +69,7 @@ class Whereabouts(Copied):
         widths = [SLOW_M_PER_S + PACE * s for s in speeds]
         # position, velocity, heading (3 d), phase, spacing, doubt of position, of velocity, its logarithm
         self.stations = np.array(
-            [[*p, *v, *h, *r, w, log(w)] for p, v, h, r, w in zip(place, velocity, headings, rows, widths, strict=True)]
+            [[*p, *v, *h, *r, w, logarithm(w)] for p, v, h, r, w in zip(place, velocity, headings, rows, widths, strict=True)]
         )
         self._rows = [(row[:d], row[d : 2 * d], row[2 * d : 3 * d], *row[3 * d :]) for row in self.stations.tolist()]
         self.memory = np.zeros(len(place) + d + 3)
@@ -117,7 +118,7 @@ class Whereabouts(Copied):
         said = [self._said(row, x, v if moves else None) for row in self._rows]
         best, worth, total = max(said), PERIOD_S / MEMORY_S, 0.0
         for m, (h, log_b) in enumerate(zip(moved, said, strict=True)):
-            moved[m] = h * exp(max(log_b - best, -GATE) * worth)
+            moved[m] = h * exponential(max(log_b - best, -GATE) * worth)
             total += moved[m]
         self.probabilities[:] = [h / total for h in moved]
 
