@@ -21,7 +21,7 @@ _FLAGS = {
 NAMED = (
     "allow_constant", "any_size", "cutoff_hz", "drop_bad", "force_bias_n", "force_unit", "integrate_position", "load_mass_kg",
     "load_share", "position_unit", "rate_hz", "recover", "resample_hz", "restarts", "segment_by", "sensor_force", "split_gaps",
-    "tare", "time_unit", "trim_rest_s", "velocity_unit",
+    "tare", "tare_auto", "time_unit", "trim_rest_s", "velocity_unit",
 )  # fmt: skip
 OTHERWISE = {"n_states": "--states", "n_jobs": "--workers"}
 # words that are arguments only where they are given something: time="none" is --time none, and the time is the time

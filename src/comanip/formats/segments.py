@@ -30,7 +30,7 @@ def _parts(segment_by: Sequence[str]) -> list[tuple[str, float | None]]:
         try:
             found.append((name.strip(), float(value) if chosen else None))
         except ValueError:
-            raise ParameterError(f"segment_by {part!r}: {value!r} is no number; allowed: column, or column=number") from None
+            raise ParameterError(f"segment_by {part!r}: {value!r} is no number; allowed: a column, = and a number") from None
     return found
 
 
