@@ -381,7 +381,7 @@ static inline double at_least_going(const Law *l) {
 /* CollaborativeSkill._lead, and what follows it */
 static inline void lead_there(Law *l, const double *x, const double *force, double *const out[3]) {
     const double nothing[MOST_AXES] = {0};
-    double excess[MOST_AXES];
+    double excess[MOST_AXES] = {0};
     copy(l->position, x, l->d);
     pace(l, x, force);
     copy(l->shown_clock, l->clock, 2);

@@ -1192,9 +1192,9 @@ static int law_takes(Laws *self, PyObject *const *args, Py_ssize_t n, const doub
 }
 
 /* One tick of a skill that changes its role; 0, with nothing changed but what was heard, for the twin. */
-static int by_role(Laws *self, const double *x, const double *force, double *const out[3]) {
-    if (!self->role || !attend(&self->law, x, force)) return 0;
-    act_attended(&self->law, self->role, x, force, 1, out);
+static int by_role(Law *l, Role *role, const double *x, const double *force, double *const out[3]) {
+    if (!role || !attend(l, x, force)) return 0;
+    act_attended(l, role, x, force, 1, out);
     return 1;
 }
 
@@ -1208,7 +1208,7 @@ static int by_role(Laws *self, const double *x, const double *force, double *con
 LAW_METHOD(comply, follow(l, x, force, out, 0, 0))
 LAW_METHOD(follow, follow(l, x, force, out, 1, 1))
 LAW_METHOD(lead, lead(l, x, force, out))
-LAW_METHOD(by_role, by_role((Laws *)object, x, force, out))
+LAW_METHOD(by_role, by_role(l, ((Laws *)object)->role, x, force, out))
 
 /* (position, goal, last): from rest there to that goal, see enter_law; how far outside of what was taught that is [m] */
 static PyObject *law_enter(PyObject *object, PyObject *args) {

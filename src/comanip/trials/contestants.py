@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from ..errors import ParameterError
 from ..interfaces import Array, Skill
@@ -121,7 +122,11 @@ def _straight(one: LearnedSkill) -> PhaseReference:
     return PhaseReference.minimum_jerk(references_of(one)[0])
 
 
-UNTAUGHT = {"anticipation": 0.0, "foresight": 0.0, "untaught_damping_ns_per_m": 0.0}  # of a follower: compliance alone
+UNTAUGHT: dict[str, Any] = {
+    "anticipation": 0.0,
+    "foresight": 0.0,
+    "untaught_damping_ns_per_m": 0.0,
+}  # of a follower: compliance alone
 
 
 def without_lessons(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
