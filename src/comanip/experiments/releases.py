@@ -1,6 +1,6 @@
 """What the envelope does with partners who let go, sensors that lie and people who mean no harm: the figures of docs/safety.md.
 
-    python -m experiments.releases [releases | lies | innocents] [--runs 16] [--seed 10000] [--plant beam | humanoid]
+    python -m comanip.experiments.releases [releases | lies | innocents] [--runs 16] [--seed 10000] [--plant beam | humanoid]
 
 Each row is a cell of `runs` partners from `draw_case`, which nothing was chosen on where the seed is 10,000 or more.
 """
