@@ -15,7 +15,7 @@
 typedef struct { LAW(ONE_NUMBER) } Numbers; /* CollaborativeLaw */
 
 #define POLICY(X) \
-    X(insist_n, insist_n) X(insist_ns_per_m, insist_ns_per_m) X(ahead_n, ahead_n) X(insist_s, insist_s) \
+    X(insist_n, insist_n) X(insist_ns_per_m, insist_ns_per_m) X(stiff_ns_per_m, stiff_ns_per_m) X(ahead_n, ahead_n) X(insist_s, insist_s) \
     X(held_m_per_s, held_m_per_s) X(resting_n, resting_n) X(resting_m_per_s, resting_m_per_s) \
     X(start_patience_s, start_patience_s) X(midway_patience_s, midway_patience_s) X(finished_m, finished_m) X(held_s, held_s) \
     X(probe_n, probe_n) X(probe_at_start_n, probe_at_start_n) X(probe_most_n, probe_most_n) X(probe_n_per_s, probe_n_per_s) \

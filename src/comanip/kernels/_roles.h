@@ -88,7 +88,8 @@ static inline void give_way(Law *l, Role *r) {
     const Policy *policy = &l->policy;
     const int d = l->d;
     const double along = dot(l->pull, l->wanted, d) / most(length(l->wanted, d), 1e-3), speed = length(l->velocity, d);
-    const int pushed = -along > policy->insist_n + policy->insist_ns_per_m * speed;
+    const double damper = dot(l->pull, l->velocity, d) < 0.0 ? policy->stiff_ns_per_m : policy->insist_ns_per_m;
+    const int pushed = -along > policy->insist_n + damper * speed;
     const int going = l->clock[GOING] > policy->resting_m_per_s;
     const double asks = going ? policy->resting_m_per_s : l->law.attraction * policy->finished_m;
     const int under_way = l->clock[LED] > policy->insist_s && r->meant >= 1.0 && length(l->wanted, d) > asks;

@@ -36,7 +36,7 @@ BLOCKS: dict[str, tuple[str, ...]] = {
         "grip_mass_kg_per_n", "lead_s",
     ),  # fields of skills.collaborate.CollaborativeLaw
     "policy": (
-        "insist_n", "insist_ns_per_m", "ahead_n", "insist_s", "held_m_per_s", "resting_n", "resting_m_per_s",
+        "insist_n", "insist_ns_per_m", "stiff_ns_per_m", "ahead_n", "insist_s", "held_m_per_s", "resting_n", "resting_m_per_s",
         "start_patience_s", "midway_patience_s", "finished_m", "held_s", "probe_n", "probe_at_start_n",
         "probe_most_n", "probe_n_per_s", "nudge_m", "settles_s", "probe_s", "progress_m", "probe_damping_ns_per_m",
         "elsewhere_m", "elsewhere_n", "offers_at_start", "blend_s",

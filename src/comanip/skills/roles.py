@@ -69,7 +69,8 @@ class RolePolicy:
     elsewhere_n: float = 2.2  # told nothing, and at the end of the way: who pulls more for so long wants to be elsewhere
     offers_at_start: int = 2  # who was not ready is asked again; anywhere else, who keeps the place is asked once
     insist_n: float = 3.0  # resistance that is more than the other's inertia ...
-    insist_ns_per_m: float = 70.0  # ... and damping is a will of his own
+    insist_ns_per_m: float = 40.0  # ... and damping is a will of his own;
+    stiff_ns_per_m: float = 70.0  # against the hand's own motion a stiff shoulder resists so much
     ahead_n: float = 3.0  # pull in the direction of motion: he wants to lead
     insist_s: float = 0.3
     blend_s: float = 0.5
@@ -366,7 +367,8 @@ class RoleSkill(Copied, Kept):
         """A will of his own: a pull ahead, resistance that neither speed nor the lessons explain, or a place that he keeps."""
         policy, wanted = self.policy, self._pace.velocity
         along, speed = _dot(self._pull, wanted) / max(_length(wanted), 1e-3), _length(self._velocity)
-        pushed = -along > policy.insist_n + policy.insist_ns_per_m * speed
+        damper = policy.stiff_ns_per_m if _dot(self._pull, self._velocity) < 0.0 else policy.insist_ns_per_m
+        pushed = -along > policy.insist_n + damper * speed
         going = self._pace.going > policy.resting_m_per_s
         # at the end of the way, a few mm off is no place that he holds
         asks = policy.resting_m_per_s if going else self._pace.law.attraction_per_s * policy.finished_m
