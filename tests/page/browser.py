@@ -110,13 +110,13 @@ def handle(tab: Any) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def until(tab: Any, says: str, timeout_s: float = 15.0) -> None:
+def until(tab: Any, says: str, timeout_s: float = 15.0, step_s: float = 0.1) -> None:
     """Until the page says so; playwright's own way is forbidden by the page's policy."""
     begun, really = now(tab), time.monotonic()
     while not tab.evaluate(says):
         late = now(tab) - begun > timeout_s and time.monotonic() - really > 5.0
         assert not late, f"never: {says}"
-        wait(tab, 0.1)
+        wait(tab, step_s)
         time.sleep(0.002)
 
 

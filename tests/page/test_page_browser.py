@@ -152,7 +152,7 @@ def test_keys_alone_lift(role: str, one: Any, file: Path) -> None:
         wait(tab, 1.0)
         if role == "follower":  # up, until the ring is where the beam is asked for
             tab.keyboard.down("ArrowUp")
-            until(tab, "comanip.hands.target[0] > comanip.session.setup.goal[0] - 0.012")
+            until(tab, "comanip.hands.target[0] > comanip.session.setup.goal[0] - 0.01", step_s=1.0 / 60.0)
             tab.keyboard.up("ArrowUp")
         until(tab, "comanip.takes.length === 1", 20.0)
         verdict = tab.evaluate("comanip.takes[0].verdict")
