@@ -321,3 +321,18 @@ def test_a_stiff_shoulder_is_no_will_of_its_own(skills, damping):
     assert [said for _, said in skill.changes][:3] == [FOLLOWS, PROBES, LEADS]
     ends = skills["leader"].ends
     assert ends.min() - 0.02 <= x[-1] <= ends.max() + 0.02
+
+
+@pytest.mark.parametrize("made", [told_to_lead, told_nothing])
+def test_told_nothing_it_leaves_its_end_to_who_wants_to_be_elsewhere(skills, made):
+    """2.6 N for a while; a robot that was told to lead knows no offset of its sensor, and stands by its end."""
+    skill = made(skills)
+
+    class Elsewhere(Held):
+        def force(self, time, position, velocity, out):
+            super().force(time, position, velocity, out)
+            out += 2.6 if time > 14.0 else 0.0
+
+    x = carry(skill, lambda rng: Elsewhere(damping=40.0), 20.0)
+    assert (skill.notices[-1] == FOLLOWS) == (made is told_nothing)
+    assert (x[-1] - x[1390] > 0.1) == (made is told_nothing)
