@@ -336,3 +336,21 @@ def test_told_nothing_it_leaves_its_end_to_who_wants_to_be_elsewhere(skills, mad
     x = carry(skill, lambda rng: Elsewhere(damping=40.0), 20.0)
     assert (skill.notices[-1] == FOLLOWS) == (made is told_nothing)
     assert (x[-1] - x[1390] > 0.1) == (made is told_nothing)
+
+
+def test_who_is_foreseen_and_so_pulls_less_is_still_heard_to_lead(skills):
+    """The models know forces that nobody foresaw: over the whole motion, with arms of several strengths."""
+    for stiffness in (70.0, 120.0, 250.0):
+        skill, told = told_nothing(skills), []
+
+        def leads(rng, stiffness=stiffness):
+            return HumanLeader(Legs(((1.0, 2.2, 0.3),)), Arm(stiffness_n_per_m=stiffness), rng=rng)
+
+        class Heard(Watched):
+            def step(self, obs, command, told=told):
+                super().step(obs, command)
+                told.append(self.skill.diagnostics["role"][1])
+
+        x = carry(Heard(skill.skill), leads, 3.2)
+        moved = np.flatnonzero(np.abs(x - START) > 0.01)[0]
+        assert np.mean(told[moved + 30 :]) > 0.9

@@ -406,7 +406,13 @@ static inline void hear(Law *l, const double *x, const double *felt) {
     double neither = 0.0;
     *b->until -= l->dt;
     if (*b->until > 1e-9) return;
-    for (int i = 0; i < d; i++) b->seen[i] = x[i], b->seen[d + i] = felt[i] - l->bias[i], b->seen[2 * d + i] = l->velocity[i];
+    double force[MOST_AXES], foreseen[MOST_AXES] = {0};
+    for (int i = 0; i < d; i++) force[i] = felt[i] - l->bias[i];
+    if (l->foresight.plans && l->foresight.told[AWAKE] != 0.0) { /* RoleSkill._asked */
+        as_foreseen(l, &l->following, force, foreseen);
+        for (int i = 0; i < d; i++) force[i] += l->following.mass * foreseen[i];
+    }
+    for (int i = 0; i < d; i++) b->seen[i] = x[i], b->seen[d + i] = force[i], b->seen[2 * d + i] = l->velocity[i];
     for (int i = 0; i < 3 * d; i++) {
         const double off = (b->seen[i] - b->centre[i]) / b->spread[i];
         neither -= 0.5 * off * off + logarithm(2.5066 * b->spread[i]);

@@ -239,7 +239,7 @@ class RoleSkill(Copied, Kept):
         self._position[:] = x
         self._watch.step(x, obs.force)
         if self.evidence is not None:
-            np.concatenate([obs.position, obs.force - self._bias, self._velocity], out=self._seen)
+            np.concatenate([obs.position, self._asked(obs.force - self._bias), self._velocity], out=self._seen)
             self.evidence.step(self._seen, self._dt)
         force = force - self._bias
         self._pull += min(self._dt / PULL_S, 1.0) * (force - self._pull)
@@ -262,6 +262,13 @@ class RoleSkill(Copied, Kept):
             ahead, departs = self._ahead(law, x.tolist(), force.tolist(), whole)
         self._compliance.step(law, force - self._expected, reference, ahead, departs, going, astray)
         command_velocity(law, self._dt, x, reference + self._compliance.velocity, self._velocity, command)
+
+    def _asked(self, force: Array) -> Array:
+        """(d,) [N] What the partner would have to pull if nothing were foreseen: teachers felt that, and models know it."""
+        seen, law = self._foresight, self._laws[0]
+        if seen is None or not seen.awake:
+            return force
+        return np.asarray(force + law.virtual_mass_kg * np.array(seen.foreseen(law, force.tolist())))
 
     def _ahead(self, law: CollaborativeLaw, x: list[float], force: list[float], whole: bool) -> tuple[Array, float]:
         """What a follower does by itself: acceleration (d,), and how fast a resting hand counts as moving. Of a sample from which
