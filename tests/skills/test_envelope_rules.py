@@ -278,7 +278,8 @@ def test_a_person_answers_within_the_way_that_a_hand_gives():
     for _ in range(20):
         watch.weigh([-WEIGHT], [-WEIGHT + 1.0], [0.0], False)
     assert watch.nobody_pulls([1.6])
-    assert not watch.nobody_pulls([1.8])
+    assert not watch.nobody_pulls([0.2])
+    assert watch.nobody_pulls([1.8])  # who was still letting go
     for _ in range(20):
         watch.weigh([-WEIGHT], [-WEIGHT + 2.3], [0.0], False)
     assert not watch.nobody_pulls([2.3])

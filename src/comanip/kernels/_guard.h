@@ -404,7 +404,8 @@ static inline void feel(const Envelope *e, Guard *g, const Seen *seen, double pe
     g->feels_s -= period;
     if (g->feels_s > 0.0) return;
     mean_of_last(e->pulls, (int)l->n_pulls, e->swing, d, pull);
-    if (length(pull, d) < least(e->limits.alone_n, ALONE_SHARE * load_of(l, d)) && apart(pull, g->pulled, d) < ANSWER_N) {
+    const double near = least(e->limits.alone_n, ALONE_SHARE * load_of(l, d)), now = length(pull, d);
+    if (now < near && (apart(pull, g->pulled, d) < ANSWER_N || now < length(g->pulled, d))) {
         hold_for(g, d, REASON_GONE, NAN, INFINITY);
     } else if (length(l->force, d) < 0.5 * load_of(l, d)) {
         g->reason = REASON_BLOCKED, g->value = NAN, g->mistaken += 1.0;

@@ -120,9 +120,10 @@ class LetGo:
         return _mean([*self._pulls][-self._swing :])
 
     def nobody_pulls(self, before: Sequence[float]) -> bool:
-        """Still alone after the hand gave way from where the pull was `before`: a person's changes with the way."""
-        pull = self.pull()
-        return length(pull) < min(self._alone_n, ALONE_SHARE * self.load) and apart(pull, before) < ANSWER_N
+        """Still alone after the hand gave way from where the pull was `before`: a person's changes with the way. Who was still
+        letting go has gone since, so what is nearer to nobody's pull is no answer."""
+        pull, near = self.pull(), min(self._alone_n, ALONE_SHARE * self.load)
+        return length(pull) < near and (apart(pull, before) < ANSWER_N or length(pull) < length(before))
 
 
 class Missing:
