@@ -64,14 +64,14 @@ class RolePolicy:
     progress_m: float = 0.006  # by this much at least; who keeps the place does not, but for the unrest of the arm
     probe_damping_ns_per_m: float = 8.0  # a hand that does not hold itself
     elsewhere_m: float = 0.05  # so far from an answered offer is another place
-    held_m_per_s: float = 0.01  # leading, but slower than this against a pull: he holds
+    held_m_per_s: float = 0.01  # leading, but slower than this against a pull: the partner holds
     held_s: float = 0.6
     elsewhere_n: float = 2.2  # told nothing, and at the end of the way: who pulls more for so long wants to be elsewhere
     offers_at_start: int = 2  # who was not ready is asked again; anywhere else, who keeps the place is asked once
     insist_n: float = 3.0  # resistance that is more than the other's inertia ...
-    insist_ns_per_m: float = 40.0  # ... and damping is a will of his own;
+    insist_ns_per_m: float = 40.0  # ... and damping is a will of its own;
     stiff_ns_per_m: float = 70.0  # against the hand's own motion a stiff shoulder resists so much
-    ahead_n: float = 3.0  # pull in the direction of motion: he wants to lead
+    ahead_n: float = 3.0  # pull in the direction of motion: the partner wants to lead
     insist_s: float = 0.3
     blend_s: float = 0.5
 
@@ -371,13 +371,13 @@ class RoleSkill(Copied, Kept):
         return policy.probe_at_start_n if far > policy.nudge_m else policy.probe_most_n
 
     def _give_way_if_he_insists(self, x: Array) -> None:
-        """A will of his own: a pull ahead, resistance that neither speed nor the lessons explain, or a place that he keeps."""
+        """A will of its own: a pull ahead, resistance that neither speed nor the lessons explain, or a place that is kept."""
         policy, wanted = self.policy, self._pace.velocity
         along, speed = _dot(self._pull, wanted) / max(_length(wanted), 1e-3), _length(self._velocity)
         damper = policy.stiff_ns_per_m if _dot(self._pull, self._velocity) < 0.0 else policy.insist_ns_per_m
         pushed = -along > policy.insist_n + damper * speed
         going = self._pace.going > policy.resting_m_per_s
-        # at the end of the way, a few mm off is no place that he holds
+        # at the end of the way, a few mm off is no place that is held
         asks = policy.resting_m_per_s if going else self._pace.law.attraction_per_s * policy.finished_m
         under_way = self._pace.clock[LED_S] > policy.insist_s and self._meant >= 1.0 and _length(wanted) > asks
         held = under_way and speed < policy.held_m_per_s and _length(self._pull) > policy.resting_n
