@@ -17,6 +17,7 @@ import importlib.util
 import os
 import resource
 import sys
+import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -186,7 +187,7 @@ def main() -> None:
     os.environ["COMANIP_KERNELS"] = "numpy"
     os.chdir(ROOT)
     sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "src")]
-    log, tried, alive = Path(f"/tmp/mutants-{os.getpid()}.log"), 0, []
+    log, tried, alive = Path(tempfile.gettempdir()) / f"mutants-{os.getpid()}.log", 0, []
     for room in given.rooms:
         n, left = try_room(room, given.number, given.seed, log)
         tried, alive = tried + n, alive + left

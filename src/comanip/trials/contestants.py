@@ -2,7 +2,8 @@
 safety envelope.
 
 "without-lessons" is the default law with nothing learned but where and how long: told to follow, its compliance alone; told to
-lead, straight by minimum jerk between the lessons' ends in their time; told nothing, its evidence of roles frozen.
+lead, straight by minimum jerk between the lessons' ends in their time; told nothing, nothing foreseen and its evidence of roles
+frozen.
 """
 
 from __future__ import annotations
@@ -122,11 +123,8 @@ def _straight(one: LearnedSkill) -> PhaseReference:
     return PhaseReference.minimum_jerk(references_of(one)[0])
 
 
-UNTAUGHT: dict[str, Any] = {
-    "anticipation": 0.0,
-    "foresight": 0.0,
-    "untaught_damping_ns_per_m": 0.0,
-}  # of a follower: compliance alone
+# Of a follower: compliance alone.
+UNTAUGHT: dict[str, Any] = {"anticipation": 0.0, "foresight": 0.0, "untaught_damping_ns_per_m": 0.0}
 
 
 def without_lessons(role: str, learned: Mapping[str, LearnedSkill], dt: float) -> Skill:
