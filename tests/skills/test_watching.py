@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from comanip.safety.detectors import Jump, LetGo, Pushed, Shaking, Sinking, Stuck
+from comanip.safety.detectors import Drag, Jump, LetGo, Pushed, Shaking, Sinking, Stuck
 from envelopes import Bench
 
 DT, WEIGHT = 0.01, 9.8
@@ -231,3 +231,51 @@ def test_who_was_taken_for_nobody_is_asked_again_sooner_the_first_time():
                 break
         said.append(n * DT)
     assert np.diff(said) == pytest.approx([0.3, 2.55, 0.0], abs=0.02)
+
+
+def led_up(resists, *, d=1, axis=None, seconds=3.0):
+    """A Drag that has seen minimum-jerk motions up at up to 0.15 m/s; `resists` gives the resistance [N] at (time, speed)."""
+    drag, said, axis = Drag(), [], np.eye(d)[0] if axis is None else np.asarray(axis)
+    for time in np.arange(0.0, seconds, DT):
+        s = (time % 2.0) / 2.0
+        speed = 0.15 * 16.0 * s**2 * (1.0 - s) ** 2
+        drag.step((-resists(time, speed) * axis).tolist(), (speed * axis).tolist(), DT)
+        said.append(drag.explains(WEIGHT))
+    return drag, np.array(said)
+
+
+@pytest.mark.parametrize(("friction_n", "damping"), [(0.0, 40.0), (2.0, 45.0), (2.0, 60.0), (3.0, 30.0)])
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.6, 0.0, -0.8)])
+def test_a_stiff_shoulder_is_explained_by_what_it_was(friction_n, damping, axis):
+    drag, said = led_up(lambda _, v: friction_n + damping * v, d=3, axis=axis)
+    assert said[100:].all()
+    assert drag.at(0.1) == pytest.approx(friction_n + 0.1 * damping, abs=0.1)
+
+
+def test_nobody_is_not_explained_however_long_the_hand_is_led():
+    assert not led_up(lambda _, v: WEIGHT, seconds=8.0)[1].any()
+
+
+def test_who_lets_go_is_told_from_what_the_partner_was_as_soon_as_the_two_differ():
+    """At top speed that resistance is 8.8 N of the weight's 9.8; where the hand slows down to 0.1 m/s it would be 6.5 N."""
+    _, said = led_up(lambda time, v: 2.0 + 45.0 * v if time < 2.8 else WEIGHT, seconds=4.0)
+    assert said[270:280].all()
+    assert not said[340:].any()
+
+
+def test_a_pull_aside_is_not_explained():
+    drag = Drag()
+    for n in range(200):
+        speed = 0.05 + 0.0005 * n
+        drag.step([-45.0 * speed, 4.0 * (n > 150)], [speed, 0.0], DT)
+        assert drag.explains(WEIGHT) == (n < 150) or n < 40 or 150 <= n < 160
+
+
+def test_after_a_mistake_who_resists_as_then_has_not_let_go():
+    watch = LetGo(1, DT, alone_n=2.2, alone_s=0.15, steady_n_s=8.0, stands_m_s=0.06)
+    for _ in range(25):
+        watch.weigh([-WEIGHT], [0.0], [0.0], True)
+    for _ in range(100):
+        watch.weigh([-2.0 * WEIGHT], [-WEIGHT], [0.0], False)
+        assert not watch.step(0.1, DT, True)
+    assert any(watch.step(0.1, DT, False) for _ in range(20))

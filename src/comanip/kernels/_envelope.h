@@ -18,7 +18,9 @@ typedef struct { LIMITS(ONE_NUMBER) } Limits;
     X(for_s, _let_go._for_s) X(weighed, _let_go._weighed) X(sunk, _sinking.sunk) X(lack_peak, _sinking._peak) \
     X(again_s, _sinking._again_s) X(led, _sinking.led) X(since_up_s, _sinking._since_up_s) X(work, _pushed.work) X(push_peak, _pushed._peak) \
     X(jump_usual, _jump._usual) X(heard_s, _jump._heard_s) X(still_s, _jump._still_s) X(mean, _shaking._mean) \
-    X(amplitude, _shaking.amplitude)
+    X(amplitude, _shaking.amplitude) X(dragged, _drag.ticks) X(drag_speeds, _drag.speeds) \
+    X(drag_squares, _drag.squares) X(drag_pulls, _drag.pulls) X(drag_products, _drag.products) \
+    X(drag_error, _drag.error)
 #define VECTORS(X) \
     X(x, _x) X(sent, _sent) X(at, _at) X(v, _v) X(force, _force) X(wanted, _wanted) X(asked, _asked) X(rate, _rate) \
     X(felt, _felt) X(senses, _senses) X(zero, _missing.zero) X(pull, _missing.pull) X(weight, _let_go.weight) X(reading, _stuck.last) X(same_s, _stuck.same_s) \
@@ -64,6 +66,13 @@ typedef struct {
 #define LETS 0.9
 #define LED_UP_M_S 0.05
 #define AGAIN_S 0.1
+#define DRAGGED_M_S 0.02
+#define DIFFERS_M_S 0.01
+#define FORGOTTEN_S 1.5
+#define TOLD_N 0.8
+#define TOLD_S 0.1
+#define UNTOLD_N 2.0
+#define RUBS 0.5
 #define LIVELY 8
 #define FINE 0.25
 #define SUNK 0.9
@@ -149,6 +158,33 @@ static inline int stands_still(const Envelope *e, Ledger *l, const double *sense
         }
     }
     return stuck;
+}
+
+/* Drag.at */
+static inline double resists(const Ledger *l, double speed) {
+    if (l->dragged == 0.0) return 0.0;
+    const double mean = l->drag_speeds / l->dragged, pull = l->drag_pulls / l->dragged;
+    const double varies = l->drag_squares / l->dragged - mean * mean;
+    if (varies < DIFFERS_M_S * DIFFERS_M_S) return pull;
+    return pull + (l->drag_products / l->dragged - mean * pull) / varies * (speed - mean);
+}
+
+/* Drag.explains */
+static inline int explains(const Ledger *l, double load) { return l->drag_error < TOLD_N && resists(l, 0.0) < RUBS * load; }
+
+/* Drag.step */
+static inline void dragging(Ledger *l, int d, double period) {
+    const double speed = length(l->v, d);
+    if (speed < DRAGGED_M_S) return;
+    const double told = resists(l, speed), against = -dot(l->force, l->v, d) / speed, keep = most(1.0 - period / FORGOTTEN_S, 0.0);
+    Axes beside;
+    for (int i = 0; i < d; i++) beside[i] = l->force[i] + told * (l->v[i] / speed);
+    l->drag_error += least(period / TOLD_S, 1.0) * (length(beside, d) - l->drag_error);
+    l->dragged = keep * l->dragged + 1.0;
+    l->drag_speeds = keep * l->drag_speeds + speed;
+    l->drag_squares = keep * l->drag_squares + speed * speed;
+    l->drag_pulls = keep * l->drag_pulls + against;
+    l->drag_products = keep * l->drag_products + speed * against;
 }
 
 /* Sinking.step and Envelope._sink */

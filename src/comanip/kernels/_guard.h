@@ -146,6 +146,7 @@ static inline void restart(const Envelope *e, Guard *g, double time, const doubl
     l->time = l->stamp = time, l->energy = e->limits.energy;
     copy(l->x, position, d), copy(l->sent, position, d), copy(l->at, position, d);
     forget_sinking(l);
+    l->drag_error = UNTOLD_N;
     fill(l->reading, INFINITY, d), fill(l->smallest, INFINITY, d), fill(l->dead, NAN, d), fill(l->sensed, NAN, d);
     start_checker(g, d, position);
 }
@@ -301,6 +302,9 @@ static inline void mean_of_last(const double *all, int n, int rows, int d, doubl
     }
 }
 
+/* LetGo.dragged */
+static inline int is_dragged(const Guard *g, const Ledger *l, int d) { return g->mistaken > 0.0 && explains(l, load_of(l, d)); }
+
 /* LetGo.step */
 static inline int carries_alone(const Envelope *e, Guard *g, double speed, double period) {
     const Limits *limits = &e->limits;
@@ -317,7 +321,7 @@ static inline int carries_alone(const Envelope *e, Guard *g, double speed, doubl
         const int moves = speed > limits->stands, still = apart(e->before, pull, d) < STILL_S * limits->steady_n_s;
         alone = (length(pull, d) < near && still) || (length(slow, d) < near && moves && still);
     }
-    l->for_s = alone ? l->for_s + period : 0.0;
+    l->for_s = alone && !is_dragged(g, l, d) ? l->for_s + period : 0.0;
     return l->for_s > AGAIN_AS_LONG[(int)least(g->mistaken, 2.0)] * limits->alone_s;
 }
 
@@ -337,8 +341,9 @@ static inline void press(const Envelope *e, Guard *g, double speed, double perio
         l->impact_s = limits->impact_s;
     }
     const double most_n = g->mistaken != 0.0 ? 1.2 * load_of(l, e->d) : limits->offer_n;
+    const double opposes = is_dragged(g, l, e->d) ? 0.0 : -dot(l->force, g->wish[1], e->d);
     if ((int)g->passed == REASON_BLOCKED &&
-        -dot(l->force, g->wish[1], e->d) > most(most_n, limits->offer_n) * length(g->wish[1], e->d)) {
+        opposes > most(most_n, limits->offer_n) * length(g->wish[1], e->d)) {
         g->wait_s = least(2.0 * g->wait_s, LONGEST_WAIT_S);
         comply_for(g, e->d, REASON_BLOCKED, NAN);
     }
@@ -356,6 +361,7 @@ static inline void look(const Envelope *e, Guard *g, const Seen *seen, double pe
     Ledger *l = &g->ledger;
     const int d = e->d;
     const double speed = length(l->v, d), size = length(l->force, d);
+    dragging(l, d, period);
     if (carries_alone(e, g, speed, period)) {
         comply_for(g, d, REASON_GONE, NAN);
         g->feels_s = e->limits.feel_s;

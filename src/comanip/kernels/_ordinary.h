@@ -5,7 +5,8 @@
 
 /* Nothing is under way that only _guard.h knows. */
 static inline int nothing_is_up(const Guard *g) {
-    return g->mode == MODE_RUN && g->confidence >= 1.0 && g->passed == 0.0 && g->first == 0.0 && g->ticks >= 5.0 && g->pending == 0.0;
+    return g->mode == MODE_RUN && g->confidence >= 1.0 && g->passed == 0.0 && g->first == 0.0 && g->ticks >= 5.0 && g->pending == 0.0 &&
+           g->mistaken == 0.0;
 }
 
 /* Envelope._clock */
@@ -117,6 +118,7 @@ static inline int sense(Envelope *e, double t, const double *x, const double *f,
     if (!weighed && at_rest && length(f, d) < e->limits.tare_n && all_finite(sensed, d)) return 0; /* to be weighed */
     for (int i = 0; i < d; i++) pull[i] = f[i] - next.weight[i] * (1.0 + next.rate[i] / GRAVITY);
     if (!steady_zero(e, &next, sensed, at_rest) || !follows(e, &next)) return 0;
+    dragging(&next, d, next.period);
     if (!partner_holds(e, &next, speed, pull, mean, &measured) || sinks(e, &next, taught, next.period)) return 0;
     pushing(e, &next, next.period);
     if (next.work > e->limits.pushed_j) return 0;

@@ -53,7 +53,8 @@ BLOCKS: dict[str, tuple[str, ...]] = {
         "_missing.known", "_missing.held", "_missing.met", "_missing.alone_s", "_missing.mistakes", "_let_go._for_s",
         "_let_go._weighed", "_sinking.sunk", "_sinking._peak", "_sinking._again_s", "_sinking.led", "_sinking._since_up_s",
         "_pushed.work", "_pushed._peak", "_jump._usual", "_jump._heard_s", "_jump._still_s", "_shaking._mean",
-        "_shaking.amplitude",
+        "_shaking.amplitude", "_drag.ticks", "_drag.speeds", "_drag.squares", "_drag.pulls",
+        "_drag.products", "_drag.error",
     ),  # the envelope's memory, lent to the compiled tick (safety/compiled_tick.py)
     "vectors": (
         "_x", "_sent", "_at", "_v", "_force", "_wanted", "_asked", "_rate", "_felt", "_senses", "_missing.zero",

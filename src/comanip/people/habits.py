@@ -14,6 +14,8 @@ import numpy as np
 
 from .body import Body
 
+HELD_S = 0.5  # [s]
+
 
 class Habit:
     """Nothing at all; those below differ. `event_s` is when what happens once happens; None draws it.
@@ -76,7 +78,10 @@ class ReGrasps(Habit):
 
 
 class Releases(Habit):
-    """Lets go for good, within 0.2-2 s. `event_s` is when the hand is open; somebody led begins to open it on the way."""
+    """Lets go for good, within 0.2-2 s. `event_s` is when the hand is open; somebody led begins to open it on the way.
+
+    Nobody begins before `HELD_S`: while the object is weighed both hold it.
+    """
 
     within = (0.2, 2.0)
 
@@ -86,7 +91,7 @@ class Releases(Habit):
     def step(self, time: float, x: Sequence[float], v: Sequence[float]) -> None:
         if self.event_s is None and self.since(time, x) >= 0.0:
             self.event_s = time + self.within_s
-        left = 1.0 if self.event_s is None else (self.event_s - time) / self.within_s
+        left = 1.0 if self.event_s is None else (self.event_s - time) / min(self.within_s, max(self.event_s - HELD_S, 0.05))
         self.hold = min(max(left, 0.0), 1.0)
 
 

@@ -37,6 +37,10 @@ ZERO_TICKS = 50  # of rest, over which a bias is known
 PULL_S = 0.06  # over which a pull is averaged: sensors are as noisy as 0.5 N
 LED_ALONE_N, LED_ALONE_S = 0.6, 0.25  # a hand that leads and meets less for so long leads nobody: an arm gives 1.2 N at 0.08 m/s
 AGAIN_S = 0.1  # he carries again, for so long: what was sunk is forgotten
+DRAGGED_M_S, DIFFERS_M_S = 0.02, 0.01  # slower than this friction says little; a spread of speeds from which a damper is known
+FORGOTTEN_S = 1.5  # a resistance longer ago tells nothing of now
+TOLD_N, TOLD_S, UNTOLD_N = 0.8, 0.1, 2.0  # so near, over so long, is told; before anything is known it is not
+RUBS = 0.5  # of the weight: friction is less
 LIVELY = 8  # changes of a reading before it is known as one that never repeats itself:
 FINE = 0.25  # its smallest change is less than this of the mean one; steps of a coarse sensor are all as large
 
@@ -48,12 +52,54 @@ def _mean(rows: Iterable[Sequence[float]]) -> list[float]:
 AGAIN = (1.0, 3.0, 20.0)  # times as long, with a partner whose pull was taken for nobody's never, once, more often before
 
 
+class Drag:
+    """What resists the hand as if by friction and a damper, -F along the motion = c + b |v|: fitted as it goes, and forgotten.
+
+    An arm led up at 0.1 m/s by a stiff shoulder pulls as much as the object weighs, but by how fast it goes; of nobody the weight
+    stays the same. The fit `explains` what is felt where it had told it all of the last tenth of a second, and tells of a hand
+    that hardly moves less than most of the weight.
+    """
+
+    def __init__(self) -> None:
+        self.ticks, self.speeds, self.squares, self.pulls, self.products = 0.0, 0.0, 0.0, 0.0, 0.0  # sums that fade
+        self.error = UNTOLD_N
+
+    def step(self, force: Sequence[float], velocity: Sequence[float], period: float) -> None:
+        """Of one tick's F [N] and v [m/s]."""
+        speed = length(velocity)
+        if speed < DRAGGED_M_S:
+            return
+        told = self.at(speed)
+        beside = length([f + told * (v / speed) for f, v in zip(force, velocity, strict=True)])
+        self.error += min(period / TOLD_S, 1.0) * (beside - self.error)
+        against, keep = -dot(force, velocity) / speed, max(1.0 - period / FORGOTTEN_S, 0.0)
+        self.ticks = keep * self.ticks + 1.0
+        self.speeds = keep * self.speeds + speed
+        self.squares = keep * self.squares + speed * speed
+        self.pulls = keep * self.pulls + against
+        self.products = keep * self.products + speed * against
+
+    def at(self, speed: float) -> float:
+        """The resistance [N] at `speed` [m/s]: the mean one, whatever the speed, as long as speeds hardly differed."""
+        if self.ticks == 0.0:
+            return 0.0
+        mean, pull = self.speeds / self.ticks, self.pulls / self.ticks
+        varies = self.squares / self.ticks - mean * mean
+        if varies < DIFFERS_M_S * DIFFERS_M_S:
+            return pull
+        return pull + (self.products / self.ticks - mean * pull) / varies * (speed - mean)
+
+    def explains(self, load: float) -> bool:
+        return self.error < TOLD_N and self.at(0.0) < RUBS * load
+
+
 class LetGo:
     """Whether this hand carries the whole object alone, however slowly the partner let go.
 
     It weighs its share at rest, while both hold. Where the partner has let go F = -s m (g + a): the hand then carries twice its
     share, and nothing else pulls. Nothing may answer the hand's motion: against a wall it stands, and is pushed by turns more
-    and less. Who pulls down by just that much is not told from nobody here; see `Envelope._feel`.
+    and less. Who pulls down by just that much is not told from nobody here: the hand gives way and feels whether that is answered
+    (`Envelope._feel`). After it was mistaken once, what a `Drag` explains is somebody.
 
     alone_n     within this of carrying it all, the partner's end is free
     alone_s     for so long
@@ -91,7 +137,8 @@ class LetGo:
         """Whether the load is not known yet."""
         return self._weighed < WEIGHED_TICKS
 
-    def step(self, speed: float, period: float) -> bool:
+    def step(self, speed: float, period: float, dragged: bool = False) -> bool:
+        """`dragged`: it is known that somebody resists who pulls so much at this speed."""
         load = self.load
         alone = False
         if load > HANGS_N and len(self._pulls) == self._pulls.maxlen:
@@ -101,7 +148,7 @@ class LetGo:
             moves, still = speed > self._stands_m_s, apart(self._before[0], pull) < self._most_apart_n
             # on a softer wrist only the longer mean shows the weight; there a wall would show it too, so the hand must move
             alone = (length(pull) < near and still) or (length(slow) < near and moves and still)
-        self._for_s = self._for_s + period if alone else 0.0
+        self._for_s = self._for_s + period if alone and not dragged else 0.0
         return self._for_s > AGAIN[min(self.was_mistaken, 2)] * self._alone_s
 
     def mistaken(self) -> None:

@@ -32,7 +32,7 @@ from ..signals.vectors import apart, length
 from .bounds import Bounds
 from .checker import Checker
 from .compiled_tick import LENT, MOST_AXES, CompiledTick, Lending
-from .detectors import Jump, LetGo, Missing, Pushed, Shaking, Sinking, Stuck
+from .detectors import Drag, Jump, LetGo, Missing, Pushed, Shaking, Sinking, Stuck
 from .limits import Limits
 from .situation import ABSURD, BLOCKED, COMPLY, HOLD, RUN, STUCK, Situation, leading_of, taught_by
 
@@ -242,7 +242,7 @@ class Envelope(Copied, Situation, Bounds, Lending):
             fast_m_per_s=limits.let_go_m_per_s, moving_m_per_s=limits.moving_m_per_s,
             bias_n=limits.tare_n,
         )  # fmt: skip
-        self._sinking, self._pushed = Sinking(limits.alone_n), Pushed(limits.pushed_n)
+        self._drag, self._sinking, self._pushed = Drag(), Sinking(limits.alone_n), Pushed(limits.pushed_n)
         self._stuck = Stuck(d, limits.stuck_s, limits.stuck_m)
         self._jump = Jump(d, limits.jump_n, limits.jump_rest_s, limits.jump_stays_s)
         self._shaking = Shaking(d)

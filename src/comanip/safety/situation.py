@@ -54,7 +54,10 @@ class Situation:
         """Blocked, let go, sinking, pushed, shaken, wrongly tared."""
         limits = self.limits
         speed, size = length(self._v), length(self._force)
-        if self._let_go.step(speed, period):  # or it presses on a wall with just that force, or somebody leans on it
+        self._drag.step(self._force, self._v, period)
+        if self._let_go.step(
+            speed, period, self._is_dragged()
+        ):  # or it presses on a wall with just that force, or somebody leans on it
             self._comply(GONE)
             self._feels_s, self._pulled = limits.feel_s, self._let_go.pull()
         self._sink(period)
@@ -71,6 +74,10 @@ class Situation:
             self._at_first = [a + (f - a) / self._ticks for a, f in zip(self._at_first, self._force, strict=True)]
         self._rest_s = self._rest_s + period if speed < 0.05 else 0.0
         self._felt = [a + min(period, 1.0) * (f - a) for a, f in zip(self._felt, self._force, strict=True)]
+
+    def _is_dragged(self: Any) -> bool:
+        """Whether it is somebody who was taken for nobody before, and resists as then."""
+        return self._let_go.was_mistaken > 0 and self._drag.explains(self._let_go.load)
 
     def _sink(self: Any, period: float) -> None:
         """Down with a partner who carries too little: a few centimetres, and then no farther."""
@@ -91,7 +98,8 @@ class Situation:
             self._impact_s = limits.impact_s
         wish = self._inner.velocity.tolist()
         most = 1.2 * self._let_go.load if self._let_go.was_mistaken else limits.offer_n  # an arm is led up by about the weight
-        if self._passed == BLOCKED and -dot(self._force, wish) > max(most, limits.offer_n) * length(wish):
+        against = 0.0 if self._is_dragged() else -dot(self._force, wish)
+        if self._passed == BLOCKED and against > max(most, limits.offer_n) * length(wish):
             self._wait_s = min(2.0 * self._wait_s, AGAIN_S)
             self._comply(BLOCKED)
 
@@ -111,7 +119,7 @@ class Situation:
         if self._pushed.work > self.limits.pushed_j and self._reason != BLOCKED:  # from a wall it is pushed indeed
             self._pause(PUSHED.format(length(self._force)))
         if self._feels_s <= 0.0:
-            if self._let_go.step(length(self._v), period):
+            if self._let_go.step(length(self._v), period, self._is_dragged()):
                 self._pause(GONE)
             return
         self._feels_s -= period
