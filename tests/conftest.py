@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import signal
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a worker a core: with a thread a core each they only wait for one another
 import numpy as np
 import pytest
 from hypothesis import settings
