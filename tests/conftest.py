@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a worker a core: with a thread a core each they only wait for one another
 import numpy as np
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 from comanip.learned.learn import learn
 from comanip.learned.skill import LearnedSkill
@@ -16,6 +19,8 @@ from known import BY_TIME, KNOWN
 
 settings.register_profile("suite", derandomize=True, deadline=None)  # the same examples in every run, on any machine
 settings.load_profile("suite")
+# Numbers that stand in modules already loaded are tried, too, by default: then examples hang on which tests ran before
+providers._get_local_constants = lambda nothing=providers._local_constants: nothing
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job ignores Control-C, and so would what it starts
     signal.signal(signal.SIGINT, signal.default_int_handler)
 

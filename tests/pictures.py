@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import zlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,7 +30,20 @@ def picture(path: Path) -> Picture:
     return Picture(codes.shape[1], codes.shape[0], float(ink.mean()), len(values), float(np.mean(np.array(fields) > 0.003)))
 
 
+def strokes(path: Path) -> int:
+    """How many pieces of line and curve a drawing in .svg or .pdf is made of."""
+    data = path.read_bytes()
+    if path.suffix == ".svg":
+        return len(re.findall(rb"[\d.] ?\n?[LCQ] ", data))
+    assert data.startswith(b"%PDF")
+    assert data.rstrip().endswith(b"%%EOF")
+    streams = re.findall(rb"/FlateDecode.*?stream\r?\n(.*?)\r?\nendstream", data, re.DOTALL)
+    return sum(len(re.findall(rb"[\d.] [lc]\n", zlib.decompressobj().decompress(one))) for one in streams)
+
+
 def is_drawn(path: Path) -> bool:
     """A figure: large enough to read, with lines in more than two colours all over it."""
+    if path.suffix != ".png":
+        return strokes(path) > 300
     p = picture(path)
     return p.width > 500 and p.height > 200 and 0.01 < p.ink < 0.9 and p.colours > 10 and p.spread > 0.5

@@ -12,9 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-
-def comanip(*words, cwd=None):
-    return subprocess.run([sys.executable, "-m", "comanip", *map(str, words)], capture_output=True, text=True, cwd=cwd)
+from forked import fresh
+from forked import run as comanip
 
 
 def answer(*words, cwd=None):
@@ -44,7 +43,7 @@ def test_help_answers_before_one_gets_impatient():
     times = []
     for _ in range(3):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        assert "learn" in comanip("--help").stdout
+        assert "learn" in fresh("--help").stdout
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         times.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     assert min(times) < 0.4

@@ -66,21 +66,45 @@ def test_a_skill_ends_the_run_and_ctrl_c_keeps_what_was_recorded():
     assert len(recording["hand.position"].time) == 32
 
 
-def test_the_wall_clock_takes_the_time_it_says():
-    started = time.monotonic()
+class Hands:
+    """A monotonic clock that somebody turns: sleep, and `works` [s] of each look at it."""
+
+    def __init__(self, works=0.0):
+        self.now, self.works = 100.0, works
+
+    def monotonic(self):
+        self.now += self.works
+        return self.now
+
+    def sleep(self, seconds):
+        assert seconds > 0.0
+        self.now += seconds
+
+
+def test_the_wall_clock_takes_the_time_it_says(monkeypatch):
+    hands = Hands()
+    monkeypatch.setattr("comanip.loop._time", hands)
     recording = run(replay(), Steady(), duration_s=0.3, clock=WallClock())
-    assert time.monotonic() - started == pytest.approx(0.3, abs=0.15)
+    assert hands.now - 100.0 == pytest.approx(0.3, abs=0.0101)
+    assert (recording["loop.late"].values == 0.0).all()
+
+
+def test_the_wall_clock_is_that_of_the_wall():
+    started = time.monotonic()
+    recording = run(replay(), Steady(), duration_s=0.1, clock=WallClock())
+    assert time.monotonic() - started >= 0.09
     assert (recording["loop.late"].values >= 0.0).all()
 
 
-def test_a_late_wall_clock_drops_ticks_instead_of_a_burst():
+def test_a_late_wall_clock_drops_ticks_instead_of_a_burst(monkeypatch):
+    hands = Hands()
+    monkeypatch.setattr("comanip.loop._time", hands)
     clock = WallClock()
     clock.start(0.01)
-    time.sleep(0.055)
-    assert clock.wait() > 0.03
-    started = time.monotonic()
-    clock.wait()
-    assert time.monotonic() - started > 0.001
+    hands.now += 0.055
+    assert clock.wait() == pytest.approx(0.045)
+    assert clock.wait() == 0.0
+    assert hands.now - 100.0 == pytest.approx(0.06), "the next tick is due where it would have been, the missed ones are gone"
 
 
 def test_two_runs_with_one_seed_are_equal_byte_for_byte(skills):

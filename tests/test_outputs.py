@@ -15,10 +15,7 @@ from comanip.commands import outputs
 from comanip.errors import ParameterError
 from comanip.evaluation import prediction
 from comanip.whole_file import write_whole
-
-
-def comanip(*words, cwd):
-    return subprocess.run([sys.executable, "-m", "comanip", *map(str, words)], capture_output=True, text=True, cwd=cwd)
+from forked import run as comanip
 
 
 @pytest.fixture(scope="module")

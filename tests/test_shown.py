@@ -5,8 +5,6 @@ from __future__ import annotations
 import ast
 import inspect
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +14,10 @@ import comanip
 from comanip.commands.flag_words import NAMED, OTHERWISE, in_flags
 from comanip.commands.flags import DataFlags, LearnFlags
 from comanip.evaluation.shown import for_drawing, for_html, plain_text
+from forked import run
 
 ROOT = Path(comanip.__file__).parent
 UGLY = "[/red]a\x1b[31m<b>$x^$\u202egpj"
-
-
-def run(*words, cwd):
-    return subprocess.run([sys.executable, "-m", "comanip", *map(str, words)], capture_output=True, text=True, cwd=cwd)
 
 
 @pytest.mark.parametrize(

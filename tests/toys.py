@@ -13,6 +13,13 @@ def agree(a, b, *, tolerance=1e-10):
     np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * max(np.abs(b).max(), 1e-300))
 
 
+def same(a, b, err_msg=""):
+    """`np.testing.assert_array_equal` for loops of ticks: its 50 us are paid only where type, shape or bytes differ."""
+    a, b = np.asarray(a), np.asarray(b)
+    if a.dtype != b.dtype or a.shape != b.shape or a.tobytes() != b.tobytes():
+        np.testing.assert_array_equal(a, b, err_msg=err_msg)
+
+
 def resident():
     """Bytes of memory that this process holds."""
     with open("/proc/self/statm") as statm:

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -25,12 +26,15 @@ from comanip.export.witness import WITNESSES, Witness, missing
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler (cc, gcc or clang) on this machine")
 pytestmark = needs_compiler
+QUICK = ("-O0",)  # compiles seven times as fast as -O2, which one task of each kind is compiled with
+HOW = {"slide": (QUICK, 200), "pick, carry, place": (("-O2",), 400), "two goals": (("-O1",), 200)}  # flags, ticks a run
 
 
 @pytest.mark.parametrize("task", TASKS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_to_the_last_bit(task, kind):
-    found = prove(maker(task, kind), 3600, seed=5, runs_of=400)
+    flags, ticks = HOW[task]
+    found = prove(maker(task, kind), 9 * ticks, seed=5, flags=flags, runs_of=ticks)
     assert found["differences"] == []
     assert found["weights_apart"] < 1e-9
     assert len(found["reasons"]) > 5  # else little happened
@@ -39,12 +43,12 @@ def test_to_the_last_bit(task, kind):
 
 @pytest.mark.parametrize(("kind", "dt"), [("leader", 0.001), ("follower", 0.004), ("auto", 0.02)])
 def test_at_any_period(kind, dt):
-    assert prove(maker("slide", kind, dt=dt), 1200, seed=6, runs_of=400)["differences"] == []
+    assert prove(maker("slide", kind, dt=dt), 1200, seed=6, flags=QUICK, runs_of=400)["differences"] == []
 
 
 def test_the_python_without_kernels_says_the_same(monkeypatch):
     monkeypatch.setattr(kernels, "native", None)
-    found = prove(maker("two goals", "follower"), 600, seed=7, runs_of=200)
+    found = prove(maker("two goals", "follower"), 600, seed=7, flags=QUICK, runs_of=200)
     assert found["differences"] == []
 
 
@@ -61,7 +65,7 @@ def test_a_planted_fault_is_seen(right, wrong, tmp_path):
     make = maker("slide", "follower" if "NONE" in right else "leader")
     text = source(make())
     assert right in text.c
-    loaded = Loaded(compiled(text._replace(c=text.c.replace(right, wrong)), tmp_path), text.h)
+    loaded = Loaded(compiled(text._replace(c=text.c.replace(right, wrong)), tmp_path, flags=QUICK), text.h)
     runs = (python_run(make(), np.random.default_rng((1, n)), WAYS[n % 3], 500) for n in range(9))
     assert any(differs(0, taken, *c_run(loaded, taken)) for taken in runs)
 
@@ -73,7 +77,7 @@ def test_it_tests_itself(kind, tmp_path):
     text = source(make(), name="one", self_test=self_test(make(), "one"))
     _written(tmp_path, make, self_test(make(), "one"))
     build = [compiler(), *STRICT, "-DCOMANIP_SELF_TEST", "one.c", "-o", "one", "-lm"]
-    subprocess.run([*build, "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover"], cwd=tmp_path, check=True)
+    subprocess.run([*build, *QUICK, "-fsanitize=address,undefined", "-fno-sanitize-recover"], cwd=tmp_path, check=True)
     said = subprocess.run([tmp_path / "one"], capture_output=True, text=True)
     assert (said.returncode, "1000 of 1000 ticks equal to the last bit" in said.stdout) == (0, True), said.stdout + said.stderr
     heavier = re.sub(r"(Numbers (?:LEADING|FOLLOWING) = \{\s+)", r"\g<1>0.01 + ", text.c)
@@ -86,7 +90,7 @@ def test_a_state_is_a_value(tmp_path):
     """Copied in mid-run it goes on by itself; two robots do not disturb each other."""
     make = maker("slide", "follower")
     text = source(make())
-    one = Loaded(compiled(text, tmp_path), text.h)
+    one = Loaded(compiled(text, tmp_path, flags=QUICK), text.h)
     obs = python_run(make(), np.random.default_rng(3), "well", 300).obs
     whole = one.run(obs).copy()
     one.init()
@@ -100,7 +104,7 @@ def test_a_state_is_a_value(tmp_path):
 
 def test_before_the_first_step_nothing_runs(tmp_path):
     text = source(maker("slide", "leader")())
-    one = Loaded(compiled(text, tmp_path), text.h)
+    one = Loaded(compiled(text, tmp_path, flags=QUICK), text.h)
     assert one.reason(one.rearm()) == "not started"
     assert [one.reason(n) for n in (0, -1, 1000)] == ["", "", ""]
 
@@ -182,7 +186,8 @@ def test_it_compiles_for_other_machines(target, tmp_path):
     make = maker("slide", "follower")
     _written(tmp_path, make, "" if bare else self_test(make(), "one"))
     include = ["-I", str(_headers(tmp_path))] if bare else []
-    zig = [sys.executable, "-m", "ziglang", "cc", "-target", name, *flags, *STRICT, "-O2", "-DCOMANIP_SELF_TEST", *include]
+    level = "-O2" if bare else "-O0"
+    zig = [sys.executable, "-m", "ziglang", "cc", "-target", name, *flags, *STRICT, level, "-DCOMANIP_SELF_TEST", *include]
     subprocess.run([*zig, "-c", "one.c", "-o", "one.o"], cwd=tmp_path, check=True)
 
 
@@ -193,7 +198,8 @@ def test_on_another_processor_it_is_the_same_to_the_last_bit(kind, tmp_path):
         pytest.skip("needs gcc-aarch64-linux-gnu, libc6-dev-arm64-cross and qemu-user of Debian")
     make = maker("slide", kind)
     _written(tmp_path, make, self_test(make(), "one"))
-    subprocess.run([gcc, *STRICT, "-O2", "-static", "-DCOMANIP_SELF_TEST", "one.c", "-o", "one", "-lm"], cwd=tmp_path, check=True)
+    level = "-O2" if kind == "auto" else "-O1"
+    subprocess.run([gcc, *STRICT, level, "-static", "-DCOMANIP_SELF_TEST", "one.c", "-o", "one", "-lm"], cwd=tmp_path, check=True)
     said = subprocess.run([emulator, tmp_path / "one"], capture_output=True, text=True)
     assert "1000 of 1000 ticks equal to the last bit" in said.stdout, said.stdout
 
@@ -202,7 +208,7 @@ def test_on_another_processor_it_is_the_same_to_the_last_bit(kind, tmp_path):
 def test_another_processor_and_another_library_give_the_same_bits(name, tmp_path):
     if why := missing(name):
         pytest.skip(why)
-    found = prove(maker("two goals", "auto"), 1200, seed=8, runs_of=400, witnesses=[name], folder=tmp_path)
+    found = prove(maker("two goals", "auto"), 1200, seed=8, flags=QUICK, runs_of=400, witnesses=[name], folder=tmp_path)
     assert (found["differences"], found["witnesses"]) == ([], {name: []})
 
 
@@ -221,6 +227,7 @@ def test_a_witness_that_computes_otherwise_is_seen(tmp_path):
 def test_a_proof_goes_on_from_where_it_was_interrupted(tmp_path, monkeypatch):
     """Chunks that were done are not done again; a line that was cut is; another C begins anew."""
     monkeypatch.setattr(export_proof, "TICKS", 60)
+    monkeypatch.setattr(export_proof, "Prover", partial(export_proof.Prover, flags=QUICK))
     monkeypatch.setattr(export_proof, "RUNS", 2)
     monkeypatch.setattr(Proof, "learned", lambda self, task, role: list(skills("slide").values()))
     cell = Cell("slide", "leader", 0.01, "faults", 0)

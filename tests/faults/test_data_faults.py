@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import struct
-import time
 import tracemalloc
 import warnings
 import zipfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -342,16 +342,22 @@ def test_d14_an_empty_file_is_refused(tmp_path, content):
 # D15 ----------------------------------------------------------------------------------------------------------------
 
 
+def bytes_read():
+    """By this process since its start, 0 where nobody counts."""
+    counted = Path("/proc/self/io")
+    return int(counted.read_text().split("rchar: ")[1].split()[0]) if counted.exists() else 0
+
+
 @pytest.mark.parametrize(("name", "head"), [("a.csv", b"t,z\n0,1\n"), ("a.mcap", b"\x89MCAP0\r\n"), ("a.npy", b"\x93NUMPY")])
 def test_d15_a_huge_file_is_refused_with_the_limit_before_it_is_read(tmp_path, name, head):
     path = tmp_path / name
     with path.open("wb") as out:
         out.write(head)
         out.truncate(10 << 30)  # sparse: takes no room
-    start = time.perf_counter()
+    before = bytes_read()
     with pytest.raises(RecordingError, match=r"10240 MB; the limit for \w+ is \d+ MB"):
         read(path)
-    assert time.perf_counter() - start < 0.1
+    assert bytes_read() - before < 1 << 20
 
 
 def test_d15_an_archive_that_unpacks_to_gigabytes_is_refused(tmp_path):
@@ -442,12 +448,11 @@ def chunk(data, size, compression=b"zstd"):
 
 
 @pytest.mark.parametrize("declared", [256 << 20, 100])
-def test_d18_a_decompression_bomb_is_refused_at_once(tmp_path, declared):
+def test_d18_a_decompression_bomb_is_refused_before_it_is_unpacked(tmp_path, declared):
     import zstandard
 
     path = tmp_path / "bomb.mcap"
     path.write_bytes(chunk(zstandard.compress(bytes(256 << 20)), declared))
-    start = time.perf_counter()
     tracemalloc.start()
     try:
         with pytest.raises(RecordingError, match="declares 256 MB > 16 MB"):
@@ -455,7 +460,6 @@ def test_d18_a_decompression_bomb_is_refused_at_once(tmp_path, declared):
         assert tracemalloc.get_traced_memory()[1] < 32 << 20
     finally:
         tracemalloc.stop()
-    assert time.perf_counter() - start < 0.5
 
 
 def test_d18_a_bomb_in_lz4_is_refused(tmp_path):

@@ -127,7 +127,7 @@ def test_where_an_index_has_32_bits_the_plan_counts_in_those(monkeypatch):
     expected = plan.plan(np.array([9000, 40, 3000]), 4)
     monkeypatch.setattr(plan, "np", Narrow())
     for found, same in zip(plan.plan(np.array([9000, 40, 3000]), 4), expected, strict=True):
-        np.testing.assert_array_equal(found, same)
+        same(found, same)
 
 
 def built(where, *, free_threaded=False, **environment):

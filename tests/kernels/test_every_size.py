@@ -24,7 +24,7 @@ from comanip.models.hmm import Hmm
 from comanip.models.hsmm import Hsmm
 from comanip.models.rollout import roll_out
 from kernels.test_twins import LEVELS, lessons_of
-from toys import agree, random_hsmm
+from toys import agree, random_hsmm, same
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
 
@@ -90,7 +90,7 @@ def test_e_step(level, d, k, lengths, topology, n_threads, seed):
     assert not found.failed.any()
     total, expected = baum_welch._expect(p, white, lessons.z, lessons.lengths)
     assert found.log_likelihood.sum() == pytest.approx(total, rel=1e-10)
-    np.testing.assert_array_equal(likelihood, found.log_likelihood)
+    same(likelihood, found.log_likelihood)
     agree(weights, baum_welch.expectations_of(p, white, lessons.z, lessons.lengths).weights)
     for name in ("moments", "transitions", "first"):
         agree(getattr(found, name), getattr(expected, name))
@@ -121,7 +121,7 @@ def test_best_paths(level, d, k, lengths, topology, n_threads, seed):
         path, score = kernels.decode(x, np.array(lengths), log_initial, log_transition, white.arrays, n_threads=n_threads)
     parts = np.split(white.log_density(x), np.cumsum(lengths)[:-1])
     expected = [best_path(part, log_initial, log_transition) for part in parts]
-    np.testing.assert_array_equal(path, np.concatenate([p for p, _ in expected]))
+    same(path, np.concatenate([p for p, _ in expected]))
     np.testing.assert_allclose(score, [s for _, s in expected], rtol=1e-10)
 
 

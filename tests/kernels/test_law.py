@@ -17,7 +17,7 @@ from comanip.skills.collaborate import CollaborativeLaw, CollaborativeSkill, Wat
 from comanip.skills.evidence import RoleEvidence
 from comanip.skills.reference import PhaseReference
 from comanip.skills.roles import RolePolicy, RoleSkill
-from toys import random_hmm
+from toys import random_hmm, same
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
 KINDS = ("follower", "leader", "leader who may give way", "told nothing", "told nothing, hears nobody")
@@ -79,16 +79,16 @@ def course(rng, d, n, rough):
 def alike(one, other, where):
     """Whatever they remember, not only what they show."""
     for name in ("_memory", "_pace.memory", "_compliance.memory", "_watch.until", "_watch.seen", "_where.memory", "_where.goals"):
-        np.testing.assert_array_equal(attrgetter(name)(one), attrgetter(name)(other), err_msg=f"{name}, tick {where}")
+        same(attrgetter(name)(one), attrgetter(name)(other), err_msg=f"{name}, tick {where}")
     if foresight := getattr(one, "_foresight", None):
-        np.testing.assert_array_equal(foresight.memory, other._foresight.memory, err_msg=f"foresight, tick {where}")
+        same(foresight.memory, other._foresight.memory, err_msg=f"foresight, tick {where}")
     np.testing.assert_allclose(one._watch.weights, other._watch.weights, rtol=0.0, atol=1e-10)
     if heard := getattr(one, "evidence", None):
         for name in ("_p", "_until", "probabilities"):
-            np.testing.assert_array_equal(getattr(heard, name), getattr(other.evidence, name), err_msg=f"{name}, tick {where}")
+            same(getattr(heard, name), getattr(other.evidence, name), err_msg=f"{name}, tick {where}")
         for a, b in zip(heard._filters, other.evidence._filters, strict=True):
-            np.testing.assert_array_equal(a.weights, b.weights, err_msg=f"tick {where}")
-            np.testing.assert_array_equal(a._state, b._state, err_msg=f"tick {where}")
+            same(a.weights, b.weights, err_msg=f"tick {where}")
+            same(a._state, b._state, err_msg=f"tick {where}")
     assert one.notice == other.notice
 
 
@@ -112,7 +112,7 @@ def test_bit_by_bit(kind, d, seed, rough, dt):
             obs.force += stiffness * (xs[0] - obs.position)
         one.step(obs, a), other.step(obs, b)
         for name in ("position", "velocity", "acceleration"):
-            np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=f"{name}, tick {n}")
+            same(getattr(a, name), getattr(b, name), err_msg=f"{name}, tick {n}")
         alike(one, other, n)
 
 
@@ -134,7 +134,7 @@ def test_what_is_foreseen_is_foreseen_alike(seed, d, size, pace):
         obs.force[:] = 1.5 * pull / max(np.linalg.norm(pull), 0.2)
         one.step(obs, a), other.step(obs, b)
         one._compliance.velocity[:] = other._compliance.velocity[:] = pull  # a hand that goes along
-        np.testing.assert_array_equal(a.velocity, b.velocity, err_msg=f"tick {n}")
+        same(a.velocity, b.velocity, err_msg=f"tick {n}")
         alike(one, other, n)
         awake += one._foresight.awake
     assert awake > 30
@@ -211,7 +211,7 @@ def test_arrays_of_another_kind_are_for_the_twin(kind, name):
         setattr(obs, name, array)
         a.velocity, b.velocity = np.zeros(2), np.zeros(2)
         one.step(obs, a), other.step(obs, b)
-        np.testing.assert_array_equal(a.velocity, b.velocity)
+        same(a.velocity, b.velocity)
         alike(one, other, array)
 
 

@@ -13,6 +13,7 @@ from comanip.safety.compiled_tick import LENT, NUMBERS, ROWS, CompiledTick
 from comanip.safety.envelope import RUN, Envelope
 from comanip.safety.limits import Limits
 from envelopes import Dictated
+from toys import same
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
 
@@ -37,11 +38,11 @@ class Pair:
             envelope.step(self.obs, command)
         a, b = self.commands
         for name in ("position", "velocity", "acceleration"):
-            np.testing.assert_array_equal(getattr(a, name), getattr(b, name), err_msg=f"{name}, {where}")
+            same(getattr(a, name), getattr(b, name), err_msg=f"{name}, {where}")
         one, other = self.envelopes
         assert (one.mode, one.reason) == (other.mode, other.reason), where
         for name in ("tank", "confidence", "mode"):
-            np.testing.assert_array_equal(one.diagnostics[name], other.diagnostics[name], err_msg=f"{name}, {where}")
+            same(one.diagnostics[name], other.diagnostics[name], err_msg=f"{name}, {where}")
 
     def everything(self):
         """Takes all back, and compares what either remembers."""

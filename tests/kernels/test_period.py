@@ -13,6 +13,7 @@ from comanip.people.intent import Course, Curve, Legs, Plan, Unsteadiness, Yield
 from comanip.people.misbehaving import Blocks
 from comanip.people.partners import Arm, HumanFollower, HumanLeader, HumanSharing
 from comanip.plants.beam import Beam, BeamPlant, WristSensor
+from toys import same
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
 AXES = (("z",), ("x",), ("z", "x"), ("y", "z", "x"))  # x lies along the beam
@@ -85,19 +86,19 @@ def course(one, n, lost_at=None):
 def test_bit_by_bit(kind, axes, seed, steps):
     about = dict(zip(("dt", "substep_s"), steps, strict=True))
     one, other = (plant(kind, seed, axes, compiled=c, **about) for c in (True, False))
-    np.testing.assert_array_equal(course(one, 350), course(other, 350))
+    same(course(one, 350), course(other, 350))
 
 
 def test_noise_of_three_blocks_is_drawn_as_the_twin_draws_it():
     one, other = (plant("sharing", 1, ("y", "z"), compiled=c) for c in (True, False))
-    np.testing.assert_array_equal(course(one, 650), course(other, 650))
+    same(course(one, 650), course(other, 650))
     assert one._rng.standard_normal() == other._rng.standard_normal()
 
 
 def test_what_is_not_a_number_is_the_same_for_both():
     one, other = (plant("sharing", 2, ("z", "x"), compiled=c) for c in (True, False))
     shown = course(one, 60, lost_at=20)
-    np.testing.assert_array_equal(shown, course(other, 60, lost_at=20))
+    same(shown, course(other, 60, lost_at=20))
     assert np.isnan(shown[-1]).any()
     assert one.stop_reason == other.stop_reason == "the plant's state is not finite"
 
@@ -110,7 +111,7 @@ def test_a_second_run_begins_as_the_first():
     first = course(one, 300)
     one._rng.bit_generator.state = before
     one.reset()
-    np.testing.assert_array_equal(course(one, 300), first)
+    same(course(one, 300), first)
 
 
 class Stubborn(HumanLeader):

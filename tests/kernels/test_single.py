@@ -20,7 +20,7 @@ from comanip.models.gaussian import whitening
 from comanip.models.hmm import Hmm
 from comanip.models.rollout import roll_out
 from kernels.test_twins import LEVELS, chain, lessons_of
-from toys import agree, random_gmm, random_hmm
+from toys import agree, random_gmm, random_hmm, same
 
 native_only = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
 
@@ -63,7 +63,7 @@ def test_weights_and_threads(level, lengths):
     for ask in (kernels.e_step, kernels.posteriors):
         one, two = [ask(lessons.z, lessons.narrow_groups, *given, n_threads=n, single=True) for n in (1, 2)]
         for a, b in zip(one, two, strict=True):
-            np.testing.assert_array_equal(a, b)
+            same(a, b)
     weights, _, failed = one
     assert not failed.any()
     agree(weights, kernels.posteriors(lessons.z, lessons.groups, *given)[0], tolerance=1e-4)
@@ -189,7 +189,7 @@ def test_roll_outs(level, n, length):
     model, start, force = law(), rng.normal(size=(n, 2)), rng.normal(size=(n, length, 1))
     one, two = [roll_out(model, start, force, dt=0.01, n_threads=m, precision="float32") for m in (1, 2)]
     for a, b, c in zip(one, two, roll_out(model, start, force, dt=0.01), strict=True):
-        np.testing.assert_array_equal(a, b)
+        same(a, b)
         agree(a, c, tolerance=1e-4)
         assert (np.abs(a - c) > 0.0).any()  # float32 it was
 
@@ -206,14 +206,14 @@ def test_roll_outs_that_float32_cannot_take(why):
     found, expected = (roll_out(model, start, force, precision=p, **options) for p in ("float32", "float64"))
     for a, b in zip(found, expected, strict=True):
         assert np.isfinite(a).all()
-        np.testing.assert_array_equal(a, b)
+        same(a, b)
 
 
 def test_without_kernels_both_are_float64(monkeypatch):
     monkeypatch.setattr(kernels, "native", None)
     sequences = reaching(np.random.default_rng(0), 3)
     one, other = [fit_hmm(sequences, 3, channels=list("xyz"), precision=precision) for precision in ("float32", "float64")]
-    np.testing.assert_array_equal(one.log_likelihood, other.log_likelihood)
+    same(one.log_likelihood, other.log_likelihood)
 
 
 def test_another_precision_is_refused():

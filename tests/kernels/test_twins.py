@@ -20,7 +20,7 @@ from comanip.models.gaussian import whitening
 from comanip.models.gmr import Regression
 from comanip.models.hmm import Hmm
 from comanip.models.rollout import RollOuts, roll_out
-from toys import agree, random_covariances, random_gmm, random_hmm, resident
+from toys import agree, random_covariances, random_gmm, random_hmm, resident, same
 
 pytestmark = pytest.mark.skipif(kernels.native is None, reason="nothing was compiled, or COMANIP_KERNELS=numpy")
 LEVELS = kernels.native.levels() if kernels.native else []
@@ -89,7 +89,7 @@ def test_a_plan_counts_every_frame_once(lengths, width, seed):
     found = plan(np.array(lengths), width, margins)
     begin, count_from, count_to, end = found.pieces.T
     starts = np.cumsum([0, *lengths])
-    np.testing.assert_array_equal(np.concatenate([np.arange(a, b) for a, b in zip(count_from, count_to, strict=True)]),
+    same(np.concatenate([np.arange(a, b) for a, b in zip(count_from, count_to, strict=True)]),
                                   np.arange(starts[-1]))  # fmt: skip
     for s, (a, b) in enumerate(zip(found.first[:-1], found.first[1:], strict=True)):
         assert (begin[a], end[b - 1]) == (starts[s], starts[s + 1])
@@ -187,7 +187,7 @@ def test_threads_change_no_bit(level, lengths):
         one, *others = [ask(lessons.z, lessons.groups, p.initial, p.transition, white, n_threads=n) for n in (1, 2, 5, 64)]
         for other in others:
             for a, b in zip(one, other, strict=True):
-                np.testing.assert_array_equal(a, b)
+                same(a, b)
 
 
 @pytest.mark.parametrize(("d", "k", "n"), [(1, 1, 1), (3, 5, 63), (3, 5, 64), (7, 10, 9001), (20, 3, 100)])
@@ -213,7 +213,7 @@ def test_likelihood_and_best_path(level, d, k, monkeypatch):
     monkeypatch.setattr(kernels, "native", None)
     np.testing.assert_allclose(found, hmm.log_likelihood(model, sequences), rtol=1e-10)
     for x, path, posterior in zip(sequences, paths, posteriors, strict=True):
-        np.testing.assert_array_equal(path, hmm.viterbi(model, x))
+        same(path, hmm.viterbi(model, x))
         agree(posterior.weights, hmm.posteriors(model, x).weights)
 
 
@@ -230,7 +230,7 @@ def test_many_sequences_together_are_as_each_alone(level, n_threads, monkeypatch
     )
     monkeypatch.setattr(kernels, "native", None)
     for x, path, found, likelihood in zip(sequences, *together, strict=True):
-        np.testing.assert_array_equal(path, hmm.viterbi(model, x))
+        same(path, hmm.viterbi(model, x))
         expected = hmm.posteriors(model, x)
         agree(found.weights, expected.weights)
         assert found.log_likelihood == pytest.approx(expected.log_likelihood, rel=1e-10)
@@ -309,7 +309,7 @@ def test_roll_outs(level, d, f, n, evidence, monkeypatch):
     monkeypatch.setattr(kernels, "native", None)
     expected = roll_out(model, start, force, dt=0.01, evidence=evidence)
     for one, other in zip(found[0], found[1], strict=True):
-        np.testing.assert_array_equal(one, other)
+        same(one, other)
     for one, other in zip(found[0], expected, strict=True):
         agree(one, other)
     for one, other in zip(found[2], roll_out(model, start, force[0], dt=0.01, evidence=evidence), strict=True):
@@ -341,7 +341,7 @@ def test_roll_outs_write_where_they_are_told(native, monkeypatch):
     assert found.position is kept.position
     assert found.velocity is kept.velocity
     for one, other in zip(found, fresh, strict=True):
-        np.testing.assert_array_equal(one, other)
+        same(one, other)
     for wrong in (np.empty((5, 6, 1)), np.empty((5, 7, 1), dtype=np.float32), np.empty((10, 7, 1))[::2]):
         with pytest.raises(ParameterError, match=r"out\.velocity must be float64 \(5, 7, 1\), C-contiguous"):
             roll_out(model, start, force, dt=0.01, out=RollOuts(kept.position, wrong))

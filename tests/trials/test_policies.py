@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 import zipfile
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import forked
 from comanip.errors import ParameterError
 from comanip.interfaces import Command, Observation, Skill
 from comanip.trials import draw_case
@@ -225,7 +224,7 @@ def test_the_command_line_tries_them_beside_laws_and_board_gathers(tmp_path):
     (tmp_path / "results").mkdir()
 
     def shell(*words, code=0):
-        done = subprocess.run([sys.executable, "-m", "comanip", *words], capture_output=True, text=True, cwd=tmp_path)
+        done = forked.run(*words, cwd=tmp_path)
         assert done.returncode == code, done.stderr
         return done
 

@@ -220,6 +220,51 @@ def probabilities(values: Any, shape: tuple[int, ...], name: str) -> Array:
     return p
 
 
+class States:
+    """What all values of K Gaussian states over named channels share: how many there are, a line that shows it, and a way in.
+
+    Not a model by itself: `Hmm`, `Hsmm`, `Gmm` and those on curved spaces have the fields.
+    """
+
+    means: Array
+    channels: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.n_states} states over {', '.join(self.channels)})"
+
+    @property
+    def n_states(self) -> int:
+        """K"""
+        return len(self.means)
+
+    def _stored(self, **checked: Any) -> None:
+        """Puts the checked value of each field in the place of the given one: the values are frozen."""
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+
+class EuclideanStates(States):
+    """States whose channels are plain numbers: means (K, D), covariances (K, D, D)."""
+
+    covariances: Array
+
+    @property
+    def n_channels(self) -> int:
+        """D"""
+        return len(self.channels)
+
+    def _checked_gaussians(self, n_states: int | None = None) -> int:
+        """K, as the means have it where it is not given; stores means, covariances and channels as checked."""
+        channels = channel_names(self.channels)
+        n = np.shape(self.means)[0] if np.ndim(self.means) == 2 else -1
+        if n_states is None and n < 1:
+            raise ParameterError(f"means must be (K, D) with at least one state; got shape {np.shape(self.means)}")
+        n = n if n_states is None else n_states
+        mu, sigma = gaussian_blocks(self.means, self.covariances, n, len(channels))
+        self._stored(means=mu, covariances=sigma, channels=channels)
+        return n
+
+
 def channel_names(names: Any) -> tuple[str, ...]:
     """Checked channel names: strings, at least one, none twice."""
     channels = (names,) if isinstance(names, str) else tuple(str(n) for n in names)

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ChannelError, ParameterError, check_generator
+from ..errors import ChannelError, check_generator
 from ..interfaces import Array
 from .gaussian import (
-    channel_names,
-    gaussian_blocks,
+    EuclideanStates,
     log_density,
     log_sum_exp,
     probabilities,
@@ -20,8 +19,8 @@ from .gaussian import (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Gmm:
+@dataclass(frozen=True, eq=False, repr=False)
+class Gmm(EuclideanStates):
     """K weighted Gaussians over D channels: weights (K,), means (K, D), covariances (K, D, D), channels (D,) names."""
 
     weights: Array
@@ -30,28 +29,8 @@ class Gmm:
     channels: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        channels = channel_names(self.channels)
-        n = np.shape(self.means)[0] if np.ndim(self.means) == 2 else -1
-        if n < 1:
-            raise ParameterError(f"means must be (K, D) with at least one state; got shape {np.shape(self.means)}")
-        mu, sigma = gaussian_blocks(self.means, self.covariances, n, len(channels))
-        object.__setattr__(self, "weights", probabilities(self.weights, (n,), "weights"))
-        object.__setattr__(self, "means", mu)
-        object.__setattr__(self, "covariances", sigma)
-        object.__setattr__(self, "channels", channels)
-
-    def __repr__(self) -> str:
-        return f"Gmm({self.n_states} states over {', '.join(self.channels)})"
-
-    @property
-    def n_states(self) -> int:
-        """K"""
-        return len(self.weights)
-
-    @property
-    def n_channels(self) -> int:
-        """D"""
-        return len(self.channels)
+        n = self._checked_gaussians()
+        self._stored(weights=probabilities(self.weights, (n,), "weights"))
 
 
 def responsibilities(model: Gmm, x: Any) -> Array:

@@ -17,9 +17,8 @@ from ..errors import ChannelError, ParameterError, check_generator
 from ..interfaces import Array
 from . import chains
 from .gaussian import (
+    EuclideanStates,
     Whitening,
-    channel_names,
-    gaussian_blocks,
     in_float32,
     log_density,
     probabilities,
@@ -28,8 +27,8 @@ from .gaussian import (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Hmm:
+@dataclass(frozen=True, eq=False, repr=False)
+class Hmm(EuclideanStates):
     """K states with Gaussian outputs over D channels.
 
     initial      (K,)       Π_i
@@ -46,29 +45,10 @@ class Hmm:
     channels: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        channels = channel_names(self.channels)
-        n = np.shape(self.means)[0] if np.ndim(self.means) == 2 else -1
-        if n < 1:
-            raise ParameterError(f"means must be (K, D) with at least one state; got shape {np.shape(self.means)}")
-        mu, sigma = gaussian_blocks(self.means, self.covariances, n, len(channels))
-        object.__setattr__(self, "initial", probabilities(self.initial, (n,), "initial"))
-        object.__setattr__(self, "transition", probabilities(self.transition, (n, n), "transition"))
-        object.__setattr__(self, "means", mu)
-        object.__setattr__(self, "covariances", sigma)
-        object.__setattr__(self, "channels", channels)
-
-    def __repr__(self) -> str:
-        return f"Hmm({self.n_states} states over {', '.join(self.channels)})"
-
-    @property
-    def n_states(self) -> int:
-        """K"""
-        return len(self.initial)
-
-    @property
-    def n_channels(self) -> int:
-        """D"""
-        return len(self.channels)
+        n = self._checked_gaussians()
+        self._stored(
+            initial=probabilities(self.initial, (n,), "initial"), transition=probabilities(self.transition, (n, n), "transition")
+        )
 
     @cached_property
     def whitening(self) -> Whitening:

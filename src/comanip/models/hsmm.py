@@ -17,7 +17,7 @@ from ..errors import ParameterError, check_generator
 from ..interfaces import Array
 from . import segments
 from .chains import IMPOSSIBLE, log_of, padded
-from .gaussian import Whitening, channel_names, gaussian_blocks, log_density, probabilities, whitening
+from .gaussian import EuclideanStates, Whitening, log_density, probabilities, whitening
 from .hmm import Hmm, Posteriors, Sample, frames_of
 from .moments import moments_about
 
@@ -41,8 +41,8 @@ class Segmented(Protocol):
     def covariances(self) -> Array: ...
 
 
-@dataclass(frozen=True, eq=False)
-class Hsmm:
+@dataclass(frozen=True, eq=False, repr=False)
+class Hsmm(EuclideanStates):
     """K states with Gaussian outputs over D channels, that last from 1 to L frames.
 
     initial, means, covariances, channels   as in Hmm
@@ -60,12 +60,10 @@ class Hsmm:
     channels: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        channels = channel_names(self.channels)
         shape = np.shape(self.durations)
         if len(shape) != 2 or min(shape) < 1:
             raise ParameterError(f"durations must be (K, L), at least one state and one frame; got shape {shape}")
-        n = shape[0]
-        mu, sigma = gaussian_blocks(self.means, self.covariances, n, len(channels))
+        n = self._checked_gaussians(shape[0])
         transition = probabilities(self.transition, (n, n), "transition")
         mixed = [i for i, stays in enumerate(np.diagonal(transition)) if stays not in (0.0, 1.0)]
         if mixed:
@@ -73,25 +71,11 @@ class Hsmm:
                 f"state {mixed[0]} follows itself with probability {transition[mixed[0], mixed[0]]:g}: durations say how long a "
                 "state lasts, so the diagonal of transition is 0, or 1 for a state that is never left; see explicit_durations"
             )
-        object.__setattr__(self, "initial", probabilities(self.initial, (n,), "initial"))
-        object.__setattr__(self, "transition", transition)
-        object.__setattr__(self, "durations", probabilities(self.durations, shape, "durations"))
-        object.__setattr__(self, "means", mu)
-        object.__setattr__(self, "covariances", sigma)
-        object.__setattr__(self, "channels", channels)
-
-    def __repr__(self) -> str:
-        return f"Hsmm({self.n_states} states over {', '.join(self.channels)})"
-
-    @property
-    def n_states(self) -> int:
-        """K"""
-        return len(self.initial)
-
-    @property
-    def n_channels(self) -> int:
-        """D"""
-        return len(self.channels)
+        self._stored(
+            initial=probabilities(self.initial, (n,), "initial"),
+            transition=transition,
+            durations=probabilities(self.durations, shape, "durations"),
+        )
 
     @property
     def longest(self) -> int:

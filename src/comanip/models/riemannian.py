@@ -22,7 +22,7 @@ from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from ..recording import expand
 from ..signals import sphere
-from .gaussian import LEAST_LOG_DENSITY, LOG_2PI, channel_names, cholesky, log_sum_exp, normalised, probabilities
+from .gaussian import LEAST_LOG_DENSITY, LOG_2PI, States, channel_names, cholesky, log_sum_exp, normalised, probabilities
 
 CLOSE = 1e-10  # [m, rad, ...] a regression that moves less has settled
 UNIT = 1e-6  # a quaternion of a model may be so far from length 1: written with 7 digits it still passes
@@ -159,8 +159,8 @@ class Part(NamedTuple):
     tangents: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class RiemannianGmm:
+@dataclass(frozen=True, eq=False, repr=False)
+class RiemannianGmm(States):
     """K weighted Gaussians: weights (K,), means (K, P), covariances (K, D, D) at the means, channels (P,)."""
 
     weights: Array
@@ -170,20 +170,12 @@ class RiemannianGmm:
     space: Space = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _set_gaussians(self)
-        object.__setattr__(self, "weights", probabilities(self.weights, (len(self.means),), "weights"))
-
-    def __repr__(self) -> str:
-        return f"RiemannianGmm({self.n_states} states over {', '.join(self.channels)})"
-
-    @property
-    def n_states(self) -> int:
-        """K"""
-        return len(self.means)
+        self._stored(**_gaussians(self))
+        self._stored(weights=probabilities(self.weights, (self.n_states,), "weights"))
 
 
-@dataclass(frozen=True, eq=False)
-class RiemannianHmm:
+@dataclass(frozen=True, eq=False, repr=False)
+class RiemannianHmm(States):
     """K states: initial (K,), transition (K, K) rows sum to 1, means (K, P), covariances (K, D, D), channels (P,)."""
 
     initial: Array
@@ -194,21 +186,15 @@ class RiemannianHmm:
     space: Space = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _set_gaussians(self)
-        n = len(self.means)
-        object.__setattr__(self, "initial", probabilities(self.initial, (n,), "initial"))
-        object.__setattr__(self, "transition", probabilities(self.transition, (n, n), "transition"))
-
-    def __repr__(self) -> str:
-        return f"RiemannianHmm({self.n_states} states over {', '.join(self.channels)})"
-
-    @property
-    def n_states(self) -> int:
-        """K"""
-        return len(self.means)
+        self._stored(**_gaussians(self))
+        n = self.n_states
+        self._stored(
+            initial=probabilities(self.initial, (n,), "initial"), transition=probabilities(self.transition, (n, n), "transition")
+        )
 
 
-def _set_gaussians(model: RiemannianGmm | RiemannianHmm) -> None:
+def _gaussians(model: RiemannianGmm | RiemannianHmm) -> dict[str, Any]:
+    """Space, channels, means and covariances, checked."""
     space = Space(model.channels)
     means = space.checked(model.means, "means", missing=False).copy()
     covariances = np.array(model.covariances, dtype=np.float64)
@@ -221,8 +207,7 @@ def _set_gaussians(model: RiemannianGmm | RiemannianHmm) -> None:
     cholesky(covariances)
     for array in (means, covariances):
         array.setflags(write=False)
-    for name, value in (("space", space), ("channels", space.channels), ("means", means), ("covariances", covariances)):
-        object.__setattr__(model, name, value)
+    return {"space": space, "channels": space.channels, "means": means, "covariances": covariances}
 
 
 def log_density(space: Space, x: Array, means: Array, covariances: Array) -> Array:
