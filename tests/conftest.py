@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
+import tempfile
+from pathlib import Path
 
+if sys.dont_write_bytecode:  # none beside the sources, then; but without any each process that a test starts compiles all anew
+    sys.dont_write_bytecode, sys.pycache_prefix = False, str(Path(tempfile.gettempdir(), f"comanip-bytecode-{os.getuid()}"))
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a worker a core: with a thread a core each they only wait for one another
 import numpy as np
 import pytest

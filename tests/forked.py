@@ -18,6 +18,8 @@ import subprocess
 import sys
 import tempfile
 import threading
+import traceback
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -28,22 +30,39 @@ LIBRARIES = (
     "scipy.ndimage", "mcap.reader", "mcap.writer", "mcap_ros2.reader", "mcap_ros2.writer", "rich.console", "rich.progress",
     "rich.table", "joblib", "matplotlib.figure", "matplotlib.backends.backend_agg", "matplotlib.backends.backend_svg",
 )  # fmt: skip
-_servers: dict[int, tuple[subprocess.Popen[str], dict[str, str]]] = {}
+_servers: dict[Any, subprocess.Popen[str]] = {}
 
 
-def run(*words: Any, cwd: Any = None) -> subprocess.CompletedProcess[str]:
-    """`comanip WORDS` in the folder `cwd`: returncode, stdout and stderr as text, with the environment of now."""
+def run(*words: Any, cwd: Any = None, env: Mapping[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    """`comanip WORDS` in the folder `cwd`: returncode, stdout and stderr as text, with the environment of now.
+
+    env   what else is in the environment: a process is kept for each that the imports would see differently
+    """
+    if os.name != "posix" or (env is None and _servers and _key(os.environ) not in _servers):
+        return fresh(*words, cwd=cwd)
+    return _answer({"words": [*map(str, words)], "script": None}, cwd, {**os.environ, **(env or {})})
+
+
+def script(path: Any, *words: Any, cwd: Any = None) -> subprocess.CompletedProcess[str]:
+    """The same of `python -W error::DeprecationWarning PATH WORDS`."""
     if os.name != "posix":
-        return fresh(*words, cwd=cwd)
-    server, environment = _servers.get(os.getpid()) or _started()
-    if {name: value for name, value in os.environ.items() if name.startswith(AT_IMPORT)} != environment:
-        return fresh(*words, cwd=cwd)
+        command = [sys.executable, "-W", "error::DeprecationWarning", str(path), *map(str, words)]
+        return subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False)
+    return _answer({"words": [*map(str, words)], "script": str(path)}, cwd, dict(os.environ))
+
+
+def _answer(asked: dict[str, Any], cwd: Any, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    server = _servers.get(_key(environment)) or _started(environment)
     with tempfile.TemporaryDirectory() as folder:
-        asked = {"words": [*map(str, words)], "cwd": str(cwd or os.getcwd()), "env": dict(os.environ), "said": folder}
-        print(json.dumps(asked), file=server.stdin, flush=True)
+        print(json.dumps({**asked, "cwd": str(cwd or os.getcwd()), "env": environment, "said": folder}), file=server.stdin)
+        server.stdin.flush()
         code = int(server.stdout.readline())
         out, err = (Path(folder, name).read_text() for name in ("out", "err"))
     return subprocess.CompletedProcess(asked["words"], code, out, err)
+
+
+def _key(environment: Mapping[str, str]) -> tuple[Any, ...]:
+    return (os.getpid(), *sorted((name, value) for name, value in environment.items() if name.startswith(AT_IMPORT)))
 
 
 def fresh(*words: Any, cwd: Any = None) -> subprocess.CompletedProcess[str]:
@@ -52,13 +71,12 @@ def fresh(*words: Any, cwd: Any = None) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False)
 
 
-def _started() -> tuple[subprocess.Popen[str], dict[str, str]]:
-    environment = {name: value for name, value in os.environ.items() if name.startswith(AT_IMPORT)}
+def _started(environment: dict[str, str]) -> subprocess.Popen[str]:
     pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    server = subprocess.Popen([sys.executable, __file__], **pipes)
+    server = subprocess.Popen([sys.executable, __file__], env=environment, **pipes)
     atexit.register(_stop, server)
-    _servers[os.getpid()] = server, environment
-    return _servers[os.getpid()]
+    _servers[_key(environment)] = server
+    return server
 
 
 def _stop(server: subprocess.Popen[str]) -> None:
@@ -105,8 +123,8 @@ def _enter(asked: Mapping[str, Any]) -> None:
         os.close(to)
     os.environ.clear()
     os.environ.update(asked["env"])
-    sys.argv = ["comanip", *asked["words"]]
-    sys.path[0] = asked["cwd"]
+    sys.argv = [asked["script"] or "comanip", *asked["words"]]
+    sys.path[0] = str(Path(asked["script"]).parent) if asked["script"] else asked["cwd"]
 
 
 def _leave(code: int) -> None:
@@ -126,6 +144,13 @@ if __name__ == "__main__":
     if asked := _asked(requests, answers):
         _enter(asked)
         try:
+            if asked["script"]:
+                warnings.filterwarnings("error", category=DeprecationWarning)
+                runpy.run_path(asked["script"], run_name="__main__")
+                _leave(0)
             runpy.run_module("comanip", run_name="__main__", alter_sys=True)
         except SystemExit as ended:
             _leave(int(ended.code or 0))
+        except BaseException:
+            traceback.print_exc()
+            _leave(1)

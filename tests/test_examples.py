@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+import forked
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 SCRIPTS = sorted(EXAMPLES.glob("[0-9]*.py"))
@@ -14,8 +14,7 @@ SCRIPTS = sorted(EXAMPLES.glob("[0-9]*.py"))
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda p: p.stem)
 def test_an_example_runs_and_says_what_it_found(script, tmp_path):
-    command = [sys.executable, "-W", "error::DeprecationWarning", script]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    done = forked.script(script, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import comanip
+import forked
 from comanip import parts
 from comanip.errors import ParameterError
 
@@ -106,8 +107,11 @@ def house(tmp_path_factory):
 
 
 def run(house, *words, python=False):
-    command = [sys.executable, *(["-c"] if python else ["-m", "comanip"]), *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=house, env={**os.environ, "PYTHONPATH": str(house)})
+    if python:
+        environment = {**os.environ, "PYTHONPATH": str(house)}
+        done = subprocess.run([sys.executable, "-c", *words], capture_output=True, text=True, cwd=house, env=environment)
+    else:
+        done = forked.run(*words, cwd=house, env={"PYTHONPATH": str(house)})
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import forked
+
 gymnasium = pytest.importorskip("gymnasium", reason="the extra gym is not installed")
 
 import comanip.gym  # noqa: E402
@@ -570,14 +572,16 @@ def test_the_ten_lines_of_the_docs_run_for_a_new_user_in_an_empty_folder(tmp_pat
     loop, policy, commands = re.findall(r"```\w*\n(.*?)```", page, re.DOTALL)[:3]
     assert len([line for line in loop.splitlines() if line.strip()]) <= 10
     (tmp_path / "loop.py").write_text(loop)
-    said = subprocess.run([sys.executable, "loop.py"], cwd=tmp_path, capture_output=True, text=True)
+    said = forked.script(tmp_path / "loop.py", cwd=tmp_path)
     assert (said.returncode, said.stderr) == (0, "")
     assert said.stdout.split()[0] in ("True", "False")
     (tmp_path / "mine.py").write_text(policy)
     (tmp_path / "results").mkdir()
     for line in commands.strip().splitlines():
         words = line.replace("--partners 130", "--partners 2 --workers 1").replace("lift slide", "lift").partition(" > ")
-        done = subprocess.run([sys.executable, "-m", *words[0].split()], cwd=tmp_path, capture_output=True, text=True)
+        name, *rest = words[0].split()
+        done = forked.run(*rest, cwd=tmp_path)
+        assert name == "comanip"
         assert done.returncode == 0, done.stderr
         if words[2]:
             (tmp_path / words[2]).write_text(done.stdout)

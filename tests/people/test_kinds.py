@@ -121,7 +121,8 @@ def test_timing_is_as_the_rows_say():
     assert all(c.along(0).at(c.start_s + 0.5 * lasting(c))[1] == pytest.approx(0.025 / 0.85, rel=0.02) for c in plans["crawls"])
     assert all(7.5 <= c.start_s <= 12.0 for c in plans["starts late"])
     for course in plans["ratchets"]:
-        speed = np.array([course.along(0).at(t)[1] for t in np.arange(course.start_s, course.stop_s, 0.01)])
+        along = course.along(0)
+        speed = np.array([along.at(t)[1] for t in np.arange(course.start_s, course.stop_s, 0.01)])
         stands = np.flatnonzero((speed[1:-1] < 1e-4) & (np.arange(len(speed) - 2) > 5))
         assert len(stands) >= 2 * 15  # two pauses of 0.15 s at least
 

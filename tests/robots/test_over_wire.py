@@ -56,8 +56,8 @@ def test_a_lift_over_the_wire_succeeds_whatever_the_arm_takes(skills, kind, seed
 
 @pytest.mark.parametrize("role", ["leader", "follower"])
 def test_lessons_recorded_over_the_wire_are_learned_and_carried_over_it(role, tmp_path):
-    lessons = teach(role, 5, rng=np.random.default_rng(12), plant=maker(FAKE))
-    files = [tmp_path / f"{n}.mcap" for n in range(5)]
+    lessons = teach(role, 3, rng=np.random.default_rng(12), plant=maker(FAKE))
+    files = [tmp_path / f"{n}.mcap" for n in range(3)]
     for lesson, file in zip(lessons, files, strict=True):
         assert "incomplete" not in lesson.metadata
         write(lesson, file)

@@ -73,7 +73,7 @@ def _frames(pose: str, wrench: str) -> Callable[[Path], object]:
         says["pose"](Writer(settings.topics["pose"].type, pose).write(time.time_ns(), (0.0,) * 3 + (1.0, 0.0, 0.0, 0.0)))
         says["twist"](Writer(settings.topics["twist"].type, "base").write(time.time_ns(), (0.0,) * 6))
         says["wrench"](Writer(settings.topics["wrench"].type, wrench).write(time.time_ns(), (0.0,) * 6))
-        return HandPlant(arm, settings)
+        return HandPlant(arm, settings, first_s=0.02)  # all that will ever come is there
 
     return tried
 
