@@ -8,13 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="the baselines need torch")
+from comanip.errors import ParameterError
+from comanip.trials.policies import policy_skill
 
-from comanip.errors import ParameterError  # noqa: E402
-from comanip.trials.policies import policy_skill  # noqa: E402
+FOLDER = str(Path(__file__).parents[2] / "benchmarks" / "policies")
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks" / "policies"))
-import nets  # noqa: E402
+
+@pytest.fixture(scope="module", autouse=True)
+def loaded():
+    """torch takes two seconds: where these tests run, and not wherever they are collected."""
+    global torch, nets
+    torch = pytest.importorskip("torch", reason="the baselines need torch")
+    sys.path.insert(0, FOLDER)
+    import nets
 
 
 def kept(tmp_path, kind, name, said=0.3):
