@@ -14,7 +14,7 @@ import pytest
 
 import comanip
 from comanip import kernels
-from toys import lifts
+from toys import lifts, same
 
 
 def asked(code, **environment):
@@ -126,8 +126,8 @@ def test_where_an_index_has_32_bits_the_plan_counts_in_those(monkeypatch):
 
     expected = plan.plan(np.array([9000, 40, 3000]), 4)
     monkeypatch.setattr(plan, "np", Narrow())
-    for found, same in zip(plan.plan(np.array([9000, 40, 3000]), 4), expected, strict=True):
-        same(found, same)
+    for found, usual in zip(plan.plan(np.array([9000, 40, 3000]), 4), expected, strict=True):
+        same(found, usual)
 
 
 def built(where, *, free_threaded=False, **environment):

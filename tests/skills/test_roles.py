@@ -325,6 +325,34 @@ def test_a_stiff_shoulder_is_no_will_of_its_own(skills, damping):
     assert ends.min() - 0.02 <= x[-1] <= ends.max() + 0.02
 
 
+@pytest.mark.parametrize("hz", [4.0, 6.0])
+def test_hands_that_tremble_are_at_rest_all_the_same(skills, hz):
+    """2.6 N of tremor stir for less than 0.15 s at a time."""
+
+    class Trembles(Held):
+        def force(self, time, position, velocity, out):
+            super().force(time, position, velocity, out)
+            out += 2.6 * np.sin(2.0 * np.pi * hz * time)
+
+    skill = told_nothing(skills)
+    carry(skill, lambda rng: Trembles(damping=20.0), 10.0)
+    assert [said for _, said in skill.changes] == [FOLLOWS, PROBES, LEADS]
+    assert skill.changes[1][0] < 750
+
+
+def test_who_pulls_at_the_last_moment_is_waited_for(skills):
+    """0.1 s of pull at the end of the patience are no stir yet, but no rest either."""
+
+    class AtLast(Held):
+        def force(self, time, position, velocity, out):
+            super().force(time, position, velocity, out)
+            out += 4.0 * np.clip((time - 6.36) / 0.1, 0.0, 1.0) * (time < 8.0)
+
+    skill = told_nothing(skills)
+    carry(skill, lambda rng: AtLast(damping=20.0), 7.5)
+    assert [said for _, said in skill.changes] == [FOLLOWS]
+
+
 @pytest.mark.parametrize("made", [told_to_lead, told_nothing])
 def test_told_nothing_it_leaves_its_end_to_who_wants_to_be_elsewhere(skills, made):
     """2.6 N for a while; a robot that was told to lead knows no offset of its sensor, and stands by its end."""

@@ -10,6 +10,7 @@ typedef struct { /* RoleSkill, what is not in its memory */
 
 enum { FOLLOWS, PROBES, LEADS };
 #define AROUND_S 1.0
+#define STIRS_S 0.15
 
 /* Every number of the law on the straight line between following and leading, in fiftieths: roles._between */
 static inline void between(const Numbers *following, const Numbers *leading, double blend, Numbers *out) {
@@ -45,13 +46,13 @@ static inline int was_put_back(const Law *l, Role *r, const double *x) {
 static inline void take_over(Law *l, Role *r, const double *x) {
     const Policy *policy = &l->policy;
     const int d = l->d, resting = length(l->velocity, d) < policy->resting_m_per_s && length(l->pull, d) < policy->resting_n;
-    *l->rest_s = resting ? *l->rest_s + l->dt : 0.0;
+    *l->rest_s = answered(l, !resting, STIRS_S) ? 0.0 : *l->rest_s + l->dt;
     if (r->placed != 0.0 && apart(x, r->place, d) > policy->elsewhere_m) r->answers = r->placed = 0.0;
     if (r->placed == 0.0 && *l->moved == 0.0) *l->moved = apart(x, l->start, d) > 0.02;
     for (int i = 0; i < d && resting && *l->moved == 0.0; i++) l->bias[i] += l->bias_share * l->pull[i];
     const double patience = *l->moved != 0.0 ? policy->midway_patience_s : policy->start_patience_s;
     const double offers = apart(x, l->start, d) <= policy->elsewhere_m ? policy->offers_at_start : 1.0;
-    if (*l->rest_s >= patience && !finished(l) && r->answers < offers && !was_put_back(l, r, x)) {
+    if (resting && *l->rest_s >= patience && !finished(l) && r->answers < offers && !was_put_back(l, r, x)) {
         copy(r->place, x, d);
         r->placed = 1.0;
         heading_at(l->tables + goal_meant(l), d, *l->where.phase, r->way);

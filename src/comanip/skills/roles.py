@@ -42,6 +42,7 @@ from .whereabouts import Whereabouts
 LATER = 1.5  # other people rest longer than those of the lessons
 AROUND_S = 1.0  # so much of the path around where it is thought to be may be where it is
 BIAS_S = 1.5  # how fast a force at rest, before the first motion, is taken for the sensor's
+STIRS_S = 0.15  # a tremor of 2 N at 4 Hz stirs for less than this at a time, who sets out for longer
 PULL_S = 0.08  # smoothing of the force that decisions are made on
 
 
@@ -314,7 +315,7 @@ class RoleSkill(Copied, Kept):
         policy = self.policy
         speed, pull = _length(self._velocity), _length(self._pull)
         resting = speed < policy.resting_m_per_s and pull < policy.resting_n
-        self._rest_s[0] = self._rest_s[0] + self._dt if resting else 0.0
+        self._rest_s[0] = 0.0 if self._answered(not resting, STIRS_S) else self._rest_s[0] + self._dt
         if self._place is not None and _length(x - self._place) > policy.elsewhere_m:
             self._answers, self._place = 0, None
         if self._place is None:  # beside an offer the robot's own push has moved the hand
@@ -323,7 +324,8 @@ class RoleSkill(Copied, Kept):
             self._bias += self._dt / BIAS_S * self._pull
         patience = policy.midway_patience_s if self._moved[0] else policy.start_patience_s
         offers = policy.offers_at_start if _length(x - self._start) <= policy.elsewhere_m else 1
-        if self._rest_s[0] >= patience and self._unfinished() and self._answers < offers and not self._was_put_back(x):
+        waited = resting and self._rest_s[0] >= patience
+        if waited and self._unfinished() and self._answers < offers and not self._was_put_back(x):
             self._place = x.copy()
             self._way[:] = self.reference.heading(self._where.phase)
             self._reached = self._push = self._meant = self._held_s[0] = 0.0
