@@ -177,6 +177,47 @@ def test_no_two_rooms_import_each_other():
     assert not left, f"in a circle: {sorted(left)}"
 
 
+def module_of(name: str) -> Path | None:
+    """The file of a module of ours by its dotted name, None for anything else."""
+    stem = ROOT.joinpath(*name.split(".")[1:])
+    return next((f for f in (stem.with_suffix(".py"), stem / "__init__.py") if name.startswith("comanip") and f.exists()), None)
+
+
+def needs(path: Path, source: str) -> set[Path]:
+    """Modules of ours that a module imports while it runs, inside functions, too; not what only type checkers read."""
+    package = ["comanip", *path.relative_to(ROOT).parent.parts]
+    tree, found = ast.parse(source), set()
+    checked = [n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.unparse(n.test)]
+    only_typed = {id(inner) for block in checked for line in block.body for inner in ast.walk(line)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and id(node) not in only_typed:
+            base = package[: len(package) - node.level + 1] if node.level else []
+            whole = ".".join([*base, *(node.module.split(".") if node.module else [])])
+            found |= {module_of(f"{whole}.{a.name}") or module_of(whole) for a in node.names}
+        elif isinstance(node, ast.Import):
+            found |= {module_of(a.name) for a in node.names}
+    return {f for f in found if f is not None} - {path}
+
+
+def in_circles(graph: dict[Path, set[Path]]) -> list[str]:
+    """What is left when whatever needs nothing more is taken away, again and again; and then what nothing left needs."""
+    left = dict(graph)
+    while done := [f for f in left if not graph[f] & left.keys()] or [f for f in left if not any(f in graph[g] for g in left)]:
+        for file in done:
+            del left[file]
+    return sorted(f.relative_to(ROOT).as_posix() for f in left)
+
+
+def test_no_two_modules_need_each_other():
+    """By any way round, inside functions, too: a helper that is imported late to get out of a circle stands in the wrong file."""
+    graph = {path: needs(path, path.read_text()) for path in ROOT.rglob("*.py")}
+    assert in_circles(graph) == []
+    one, other = ROOT / "lessons" / "lesson.py", ROOT / "lessons" / "agreement.py"
+    assert other in needs(one, "def f():\n    from .agreement import check_set\n")
+    graph[one] |= {other}
+    assert {"lessons/agreement.py", "lessons/lesson.py"} <= set(in_circles(graph))
+
+
 def test_no_module_is_longer_than_500_lines():
     long = {p.name: n for p in ROOT.rglob("*.py") if (n := len(p.read_text().splitlines())) > 500}
     assert long == {}

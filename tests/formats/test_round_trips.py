@@ -227,7 +227,7 @@ def test_a_format_costs_its_file_and_one_line(tmp_path, monkeypatch):
     module.store = lambda recordings, path: path.write_bytes(b"TEST")
     monkeypatch.setitem(sys.modules, "a.comanip_test_format", module)
     form = formats.Format("test", "a.comanip_test_format:load", "a.comanip_test_format:store", (b"TEST",), (".test",))
-    monkeypatch.setattr(formats, "FORMATS", (form, *formats.FORMATS))
+    monkeypatch.setattr(formats.doors, "FORMATS", (form, *formats.FORMATS))
     write(lift(), tmp_path / "a.test")
     assert read(tmp_path / "a.test")[0].metadata["name"] == "a"
     with pytest.raises(ParameterError, match=r"allowed: \.test, \.mcap"):

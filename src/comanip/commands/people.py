@@ -15,7 +15,7 @@ from ..trials.board import ABOUT, about
 from ..trials.cases import TASK, Case
 from ..trials.people import USUAL, draw_people, meet_all, summary
 from .console import print_json, progress, table
-from .trying import skills_for
+from .skills import skills_for
 
 
 def people(name: str | None, seed: int, plot: Path | None, json: bool) -> None:

@@ -12,7 +12,6 @@ import numpy as np
 
 from .. import __version__
 from ..errors import ParameterError
-from ..learned import file as skill_file
 from ..learned.skill import LearnedSkill
 from ..parts import LAWS, TASKS, known
 from ..tasks import Task, named
@@ -23,10 +22,11 @@ from ..trials.cases import ROLES, TASK
 from ..trials.foreign import PartnersFrom, bounds_memory
 from ..trials.policies import check_policy
 from ..trials.running import one_run
+from . import people as of_kinds
 from .console import note, print_json, progress, say, table
 from .ending import keeping
 from .outputs import may_fill, must_draw
-from .running import taught
+from .skills import skills_for
 from .words import explained
 
 WORST = 10
@@ -58,8 +58,6 @@ def trial(
     if workers < 0:
         raise ParameterError(f"--workers must be 0 (one a core) or more; got {workers}")
     if people:
-        from . import people as of_kinds
-
         clash = (
             ("--partners-from", partners_from),
             ("--pictures", pictures),
@@ -182,32 +180,6 @@ def _told(asked: _Asked, whats: Sequence[Task], files: Sequence[Path], *, by_tas
     about = {name: getattr(asked, name) for name in ("roles", "partners", "seed", "plant", "misbehaving")}
     named_ = {"people": "usual", "tasks": [task.name for task in whats], "by_task": by_task}
     return about_result(cases, asked.laws, version=__version__, files=files, **about, **named_)
-
-
-def skills_for(
-    roles: Sequence[str], laws: Sequence[str], files: Sequence[Path], task: str | Path | Task = TASK
-) -> dict[str, LearnedSkill]:
-    """Skills by role: from files, or learned now from five fresh lessons of the task."""
-    skills: dict[str, LearnedSkill] = {}
-    what = named(task)
-    for file in files:
-        learned = skill_file.load(file)
-        if learned.role in skills or not learned.role:
-            raise ParameterError(f"{file}: role {learned.role or 'not stated'!r}; --skill takes one file a role")
-        if learned.axes != what.axes:
-            raise ParameterError(
-                f"{file}: the skill moves axes {', '.join(learned.axes)}; task {what.name!r} has {', '.join(what.axes)}: pass "
-                "the --task that it was taught"
-            )
-        skills[learned.role] = learned
-    wanted = {"leader", "follower"} if "auto" in roles or any(LAWS[law].both for law in laws if law in LAWS) else set(roles)
-    if files and (absent := sorted(wanted - set(skills))):
-        note(f"no --skill as {' or '.join(absent)}: learned now from five simulated lessons a role")
-    for role in sorted(wanted - set(skills)):
-        skills[role] = taught(role, seed=0, task=what)
-    if "auto" in roles and "natural" not in skills and not files:
-        skills["natural"] = taught("natural", seed=0, task=what)
-    return skills
 
 
 def picture_name(role: str, law: str, place: int) -> str:

@@ -15,8 +15,8 @@ from pathlib import Path
 from ..errors import RecordingError
 from ..parallel import deaf
 from ..recording import Recording
-from . import write
 from .children import safe_path
+from .doors import write
 
 _storing = threading.Lock()
 

@@ -20,10 +20,10 @@ from ..interfaces import Array
 from ..recording import Channel, Recording
 from .assemble import assemble
 from .columns import NAME, Columns
+from .lerobot_write import SIDECAR, Features, digest, write_parts
 from .parquet_file import EPISODE, INDEX, STAMP, Episodes, numeric, obvious, read_table
 
 VERSIONS = ("v2.0", "v2.1", "v3.0")
-SIDECAR = "meta/comanip.json"
 RATE_OFF = 0.01  # stamps and the stated rate may differ by this share
 MAX_JSON = 64 << 20
 _FLOAT32 = 2.0**-22  # relative: two units in the last place of a stamp
@@ -278,8 +278,6 @@ def write_dataset(recordings: Sequence[Recording], path: Path) -> None:
     part = path.with_name(f".{path.name[:40]}.tmp")
     shutil.rmtree(part, ignore_errors=True)
     try:
-        from .lerobot_write import write_parts
-
         write_parts(part, recordings, dense, features, fps)
         if path.exists():
             path.rmdir()
@@ -329,13 +327,6 @@ def _rate(where: str, recording: Recording, dense: Sequence[str]) -> int:
     return fps
 
 
-class Features(NamedTuple):
-    """Column of the data set -> (channel, axis number) of its entries; names of the entries."""
-
-    sources: dict[str, tuple[tuple[str, int], ...]]
-    names: dict[str, tuple[str, ...]]
-
-
 def _features(path: Path, recordings: Sequence[Recording], dense: Sequence[str]) -> Features:
     first = recordings[0]
     state = [n for n in (NAME["position"], NAME["velocity"], NAME["force"], NAME["sensor_force"]) if n in dense]
@@ -353,7 +344,6 @@ def _own(
     path: Path, table: Mapping[str, Array], lengths: Sequence[int], columns: Columns, tasks: Sequence[str]
 ) -> list[Recording]:
     """What `write_dataset` wrote, channel by channel, with the stamps, units, frames and metadata it had."""
-    from .lerobot_write import digest
     from .mapping import finished
 
     side = _json(path / SIDECAR)

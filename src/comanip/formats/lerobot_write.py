@@ -6,18 +6,25 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import RecordingError
 from ..interfaces import Array
 from ..recording import Recording
-from .lerobot import SIDECAR, Features
 
+SIDECAR = "meta/comanip.json"
 _SCALARS = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64", "task_index": "int64"}
 _DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+
+
+class Features(NamedTuple):
+    """Column of the data set -> (channel, axis number) of its entries; names of the entries."""
+
+    sources: dict[str, tuple[tuple[str, int], ...]]
+    names: dict[str, tuple[str, ...]]
 
 
 def write_parts(folder: Path, recordings: Sequence[Recording], dense: Sequence[str], features: Features, fps: int) -> None:

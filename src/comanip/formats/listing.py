@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ComanipError
-from . import format_of
 from .array_file import read_mat, read_numpy
 from .assemble import Source
 from .columns import recognise, recognise_time
 from .csv_file import CsvTable, is_own
+from .doors import format_of
 from .packed import packing, unpacked
 from .tables import text_of
 

@@ -19,8 +19,9 @@ import numpy as np
 
 from ..errors import ComanipWarning, RecordingError
 from ..recording import Channel, Recording
-from . import cdr, messages, only
+from . import cdr, messages
 from .columns import Columns
+from .doors import only
 from .files import mapped_bytes
 from .mapping import mapped
 from .mcap_foreign import topics

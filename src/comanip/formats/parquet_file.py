@@ -17,9 +17,9 @@ import numpy as np
 from ..errors import ChannelError, RecordingError
 from ..interfaces import Array
 from ..recording import Channel, Recording
-from . import only
 from .assemble import assemble
 from .columns import Columns, recognise, sign_and_name, unit_in, unknown
+from .doors import only
 
 OURS, SEAL = b"comanip", b"comanip.sha256"
 VERSION = 1

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..errors import ComanipWarning, ParameterError, RecordingError
 from ..recording import Recording
-from . import read, writable, write
+from .doors import read, writable, write
 from .live import INCOMPLETE
 from .locks import Lock
 

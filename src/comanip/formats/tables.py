@@ -9,11 +9,11 @@ from typing import Any
 
 from ..errors import RecordingError
 from ..recording import Recording
-from . import only, read
 from .array_file import read_mat, read_numpy
 from .assemble import assemble, remapped
 from .columns import Columns
 from .csv_file import CsvTable, is_own, read_own_csv, write_csv
+from .doors import only, read
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _FOREIGN_TEXT = ("<", "{\\rtf", "%PDF", "%!PS")

@@ -46,7 +46,7 @@ def open_folder(path: Path, data: Any, columns: Columns, recover: bool) -> Seque
 
 
 def _text(file: Path) -> str:
-    from . import FORMATS
+    from ..parts import FORMATS
     from .packed import packing, unpacked
     from .tables import text_of
 

@@ -4,28 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..errors import ChannelError, ParameterError, RecordingError, given
-from ..formats.columns import UNUSED
 from ..recording import check_role
 from .faults import kinds_of_axes, suspect
-
-if TYPE_CHECKING:
-    from .demonstration import Demonstration
-
-
-def missing(name: str, signals: Iterable[str], where: str, notes: Iterable[str] = ()) -> str:
-    """`notes` of the lesson: what its file has besides may be what is missing under a name of its own."""
-    hint = "; learn without force: position and velocity only" if name == "force" else ""
-    return f"{where}: no {name!r}; found {', '.join(signals) or 'nothing'}{unused(notes)}{hint}"
-
-
-def unused(notes: Iterable[str]) -> str:
-    """The note of the columns that a file has besides, as the end of a message; "" where there are none."""
-    return next((f"; {note}" for note in map(str, notes) if note.endswith(UNUSED)), "")
+from .lesson import Demonstration, missing
 
 
 def take_of(lesson: Demonstration, number: int) -> tuple[str, str]:
@@ -72,8 +58,6 @@ def listed(values: Any, kind: type, allowed: str) -> list[Any]:
 
 def lessons_only(lessons: Any) -> list[Demonstration]:
     """The lessons as a list; ParameterError for anything else."""
-    from .demonstration import Demonstration
-
     found = listed(lessons, Demonstration, "a list of lessons, as demonstrations(read(path)) gives it")
     if not found:
         raise RecordingError("no lessons; give at least one")

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import warnings
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,9 +12,9 @@ import numpy as np
 from ..errors import ChannelError, ParameterError, RecordingError, given
 from ..interaction import Payload, gravity_along, interaction_force
 from ..interfaces import Array
-from ..recording import Channel, Passed, Recording, axis_units, check_role, expand, frozen
+from ..recording import Channel, Recording, check_role
 from ..signals.filters import MAX_CUTOFF, differentiate, integrate, smooth
-from .agreement import check_set, listed, missing, noted, require, unused
+from .agreement import check_set, listed, noted, require
 from .cuts import between, merged, trimmed
 from .faults import (
     MAX_RATE_RATIO,
@@ -33,108 +31,13 @@ from .faults import (
 )
 from .forces import Bias, check_force, check_sensor, known_bias, stated_bias, stated_gravity, tared
 from .jumps import check_jumps
+from .lesson import ORDER, Demonstration, unused
 from .orientations import VECTOR, angular_velocity, is_quaternion, oriented, turning, unit
 from .stamps import one_rate
 
 __all__ = ["Demonstration", "Preparation", "check_set", "demonstration", "demonstrations", "require"]
 
-_ORDER = ("position", "force", "velocity")  # the paper's order of the datapoint
 _KIND = {"position": "position", "velocity": "velocity", "force": "force", "sensor_force": "force"}
-
-
-@dataclass(frozen=True, eq=False)
-class Demonstration(Passed):
-    """One lesson: signals of T frames at one rate, read-only.
-
-    dt        [s] between frames
-    signals   "position", "velocity", "force" (interaction force F, if there is one) and extras -> (T, d)
-    axes      (d,) names of the task axes
-    role      what the hand did: "leader", "follower"; "" when nobody said
-    source    the file it came from; sha256 of dt and signals; units per signal; notes on everything done to it
-    """
-
-    name: str
-    dt: float
-    signals: Mapping[str, Array]
-    axes: tuple[str, ...]
-    role: str = ""
-    source: str = ""
-    units: Mapping[str, str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    signal_axes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        signals = {name: frozen(values) for name, values in self.signals.items()}
-        shapes = {name: values.shape for name, values in signals.items()}
-        if len({shape[0] for shape in shapes.values()}) != 1 or any(len(shape) != 2 for shape in shapes.values()):
-            raise ChannelError(f"demonstration {self.name!r}: signals need one (T, d) each with one T; got {shapes}")
-        axes = {n: tuple(self.signal_axes.get(n, self.axes)) for n in signals}
-        for name, names in axes.items():
-            if len(names) != shapes[name][1]:
-                raise ChannelError(f"demonstration {self.name!r}: {name} {shapes[name]} for the axes {names}")
-        object.__setattr__(self, "signals", MappingProxyType(signals))
-        object.__setattr__(self, "units", MappingProxyType(dict(self.units)))
-        object.__setattr__(self, "signal_axes", MappingProxyType(axes))
-        object.__setattr__(self, "notes", tuple(self.notes))
-
-    def __len__(self) -> int:
-        return len(next(iter(self.signals.values())))
-
-    def __repr__(self) -> str:
-        role = f", {self.role}" if self.role else ""
-        return f"Demonstration({self.name!r}, {len(self)} frames at {1.0 / self.dt:g} Hz of {', '.join(self.channels)}{role})"
-
-    @property
-    def duration_s(self) -> float:
-        """From the first frame to the last [s]."""
-        return (len(self) - 1) * self.dt
-
-    @property
-    def sha256(self) -> str:
-        """Of the data alone: the same lesson under two names has one hash."""
-        digest = hashlib.sha256(repr(self.dt).encode())
-        for name in sorted(self.signals):
-            digest.update(name.encode() + np.ascontiguousarray(self.signals[name]).tobytes())
-        return digest.hexdigest()
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Scalar names, "position.z", "force.z", "velocity.z", then extras: the columns of `array`."""
-        names = [n for n in _ORDER if n in self.signals] + [n for n in self.signals if n not in _ORDER]
-        return tuple(f"{n}.{axis}" for n in names for axis in self.signal_axes[n])
-
-    def array(self, names: str | Iterable[str]) -> Array:
-        """Chosen channels side by side, (T, D): "force" stands for all its axes."""
-        columns = {f"{n}.{a}": v[:, i] for n, v in self.signals.items() for i, a in enumerate(self.signal_axes[n])}
-        return np.stack([columns[name] for name in expand(names, self.channels)], axis=1)
-
-    def unit_of(self, channel: str) -> str:
-        """The unit of one scalar channel: "rad" for "position.yaw" where the units are "m, m, rad"; "" when nobody said."""
-        name = max((n for n in self.signals if channel == n or channel.startswith(n + ".")), key=len, default="")
-        if channel not in self.channels:
-            raise ChannelError(f"no channel {channel!r}; there are: {', '.join(self.channels)}")
-        axes = self.signal_axes[name]
-        return axis_units(self.units.get(name, ""), len(axes))[axes.index(channel[len(name) + 1 :])]
-
-    def __getitem__(self, name: str) -> Array:
-        if name not in self.signals:
-            raise ChannelError(missing(name, self.signals, self.source or self.name, self.notes))
-        return self.signals[name]
-
-    @property
-    def position(self) -> Array:
-        """(T, d) [m]"""
-        return self["position"]
-
-    @property
-    def velocity(self) -> Array:
-        """(T, d) [m/s]"""
-        return self["velocity"]
-
-    @property
-    def force(self) -> Array:
-        """(T, d) interaction force F, partner on hand [N]."""
-        return self["force"]
 
 
 @dataclass(frozen=True)
@@ -427,7 +330,7 @@ def _finished(
     frames = len(signals["position"])
     if frames < chosen.min_frames:
         raise RecordingError(f"{where}: {frames} frames at {1 / dt:g} Hz; needs >= {chosen.min_frames}: record longer")
-    ordered = {n: signals[n] for n in (*_ORDER, *(s for s in signals if s not in _ORDER)) if n in signals}
+    ordered = {n: signals[n] for n in (*ORDER, *(s for s in signals if s not in ORDER)) if n in signals}
     extra_axes = {n: c.axes for n, c in channels.items() if n in ordered and n not in _KIND}
     extra_axes |= {"angular_velocity": VECTOR} if "angular_velocity" in ordered else {}
     source = str(recording.metadata.get("source", ""))
