@@ -66,4 +66,4 @@ def test_advice_on_a_bias_is_a_sentence_in_python_and_at_the_command_line():
     biased = corrupt(lift(), "offset", "force", amount=4.0)
     with pytest.warns(match=r"take it off \(tare, or force_bias_n\)") as said:
         demonstrations([biased])
-    assert "? take it off (--tare, or --force-bias-n)" in in_flags(str(said[0].message))
+    assert "? take it off: --tare, --force-bias-n, or --tare-auto where" in in_flags(str(said[0].message))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from comanip.formats.listing import listed
+from comanip.formats.looking import look
 from comanip.learned.skill import learn
 from comanip.lessons.checkup import STOPS, SUSPICIOUS, checkup, stretches
 from comanip.recording import Channel, Recording
@@ -103,12 +104,12 @@ def test_rest_and_gaps_lie_where_they_are_drawn():
 
 def test_columns_are_listed_with_ranges_units_and_what_their_names_suggest(tmp_path):
     (tmp_path / "t.csv").write_text("t,z [mm],Fz,word\n0.0,1,2,a\n0.1,-3,,b\n0.2,5,7,c\n")
-    time, z, force, word = listed(tmp_path / "t.csv")
+    time, z, force, word = listed(look(tmp_path / "t.csv"))
     assert (time.suggests, z.unit, z.low, z.high, z.suggests) == ("--time", "mm", -3.0, 5.0, "--position")
     assert (force.low, force.high, force.bad) == (2.0, 7.0, 1)
     assert word.problem
     np.savez(tmp_path / "t.npz", a=np.arange(5.0))
-    assert [(c.name, c.high) for c in listed(tmp_path / "t.npz")] == [("a", 4.0)]
+    assert [(c.name, c.high) for c in listed(look(tmp_path / "t.npz"))] == [("a", 4.0)]
 
 
 def test_fewer_frames_than_states_can_be_learned_from_get_a_word(lessons):

@@ -11,6 +11,7 @@ _FLAGS = {
     "make a demonstration of each piece with split_gaps": "--split-gaps makes a demonstration of each piece",
     "drop such frames with drop_bad": "--drop-bad drops such frames",
     "recover=True reads the rest": "--recover reads the rest",
+    "take it off (tare, or force_bias_n)": "take it off: --tare, --force-bias-n, or --tare-auto where that foresees better",
     "integrate_position makes one from the velocity": "--integrate-position makes one from the velocity",
     "widen the range (plausible=...)": "take it as it is with --any-size",
     "allow_constant=<standard deviation>": "--allow-constant (a standard deviation)",

@@ -14,6 +14,7 @@ from ..lessons.demonstration import Demonstration
 from ..lessons.identification import Identification, identify, interaction_only
 from ..lessons.wrench import Load
 from ..recording import axis_units
+from .advising import given_flags, named
 from .console import print_json, say, table
 from .flags import DataFlags
 from .outputs import may_write
@@ -29,8 +30,10 @@ def doctor_force(files: Sequence[Path], out: Path | None, data: DataFlags, overw
     targets = _targets(out, len(recordings))
     may_write(targets, inputs=files, overwrite=overwrite)
     results: list[dict[str, Any]] = []
+    worth_writing = False
     for i, recording in enumerate(recordings):
         found = identify(recording, preparation_of(data))
+        worth_writing = worth_writing or _says(found)[1]
         results.append({"recording": found.lesson.name, "source": found.lesson.source, **_numbers(found)})
         if not json:
             _print(found)
@@ -39,8 +42,11 @@ def doctor_force(files: Sequence[Path], out: Path | None, data: DataFlags, overw
             results[-1]["written"] = str(targets[i])
             if not json:
                 say(f"the interaction force, as hand.force: {targets[i]}")
+    command = _next(files, targets, data, worth_writing)
     if json:
-        print_json({"recordings": results})
+        print_json({"recordings": results, "advice": command})
+    else:
+        say(f"next: {command}")
 
 
 def _targets(out: Path | None, count: int) -> list[Path]:
@@ -59,8 +65,8 @@ def _print(found: Identification) -> None:
         _print_law(found.law, lesson)
     for what, why in found.unknown.items():
         say(f"  not known: {what}: {why}")
-    if found.law is not None:
-        say(f"next: {advice(found)}")
+    if says := _says(found)[0]:
+        say(f"  {says}")
 
 
 def _print_law(law: Admittance, lesson: Demonstration) -> None:
@@ -114,18 +120,30 @@ def _vector(values: Any) -> str:
     return ", ".join(f"{v:.3g}" for v in np.atleast_1d(values))
 
 
-def advice(found: Identification) -> str:
-    """One line that is a command, or what to record next."""
-    source, law = found.lesson.source or "RECORDING", found.law
+def _says(found: Identification) -> tuple[str, bool]:
+    """(what follows from it, whether the force is worth writing anew)."""
+    law = found.law
     if found.load is not None and found.load.mass_kg is not None:
-        return f"comanip doctor-force {source} -o clean.csv, then learn from clean.csv"
+        return "-o clean.csv writes the force without the load: learn from that", True
     if found.raw:
-        return f"state the load: comanip learn {source} --sensor-force ... --load-mass-kg ..."
+        return "the load is not known: let the hand turn by 20° or more, or state --load-mass-kg with --sensor-force", False
     if law is not None and law.offset_known and abs(law.offset.value) > max(0.5 * found.lesson.dt, 3.0 * law.offset.error):
-        return f"comanip doctor-force {source} -o clean.csv: writes the force on the motion's clock"
+        return "-o clean.csv writes the force on the motion's clock: learn from that", True
     if law is not None and law.explains:
-        return "this recording is of the robot's own law: it shows how the person pulls, and cannot prove how a follower answers"
-    return f"comanip inspect {source}: every check that learning makes"
+        return (
+            "this recording is of the robot's own law: it shows how the person pulls, and cannot prove how a follower answers",
+            False,
+        )
+    return "", False
+
+
+def _next(files: Sequence[Path], targets: Sequence[Path], data: DataFlags, worth_writing: bool) -> str:
+    """The next command, as it can be pasted."""
+    if targets:
+        role = [f"--role={data.role}"] if data.role else []
+        return " ".join(["comanip inspect", named(targets), *role])
+    line = [named(files), *given_flags(data)]
+    return " ".join(["comanip doctor-force", *line, "-o clean.csv"] if worth_writing else ["comanip inspect", *line])
 
 
 def _numbers(found: Identification) -> dict[str, Any]:

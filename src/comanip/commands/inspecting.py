@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +12,7 @@ from ..errors import ChannelError, ComanipError, RecordingError, SkillFileError
 from ..learned import file as skill_file
 from ..learned.skill import LearnedSkill
 from ..recording import Recording
+from .advising import Advice, next_command, propose
 from .console import print_json, print_notes, say, table
 from .flag_words import in_flags
 from .flags import DataFlags
@@ -24,10 +23,8 @@ from .units import slope_scale, unit_of
 from .words import explained
 
 if TYPE_CHECKING:
-    from ..formats.listing import Listed
-    from ..lessons.checkup import Checkup
+    from ..formats.looking import Column
 
-_RECOGNISED = re.compile(r"columns (.+) taken as (position|force|velocity)")
 _RANKS = ("refused", "suspicious", "told")
 
 
@@ -38,13 +35,17 @@ def inspect(files: Sequence[Path], plot: Path | None, data: DataFlags, overwrite
         raise SkillFileError("--plot draws skills or recordings, not both at once")
     results: list[dict[str, Any]] = [{"skill": str(f), **summary(s), "states": _states(s)} for f, s in skills.items()]
     recordings: list[Recording] = []
+    columns: tuple[Column, ...] = ()
+    refused = False
     for file in files:
         if file not in skills:
-            entries, found = _of_file(file, data)
-            results += entries
+            entries, found, seen = _of_file(file, data)
+            results += _unlike(entries, results)
             recordings += found
-    if recordings:
-        results.append({"checkup": _checked(recordings, [f for f in files if f not in skills], data)})
+            columns, refused = columns or seen, refused or not found
+    others = [f for f in files if f not in skills]
+    if others:
+        results.append({"checkup": _checked(recordings, others, data, columns, refused)})
     if plot is not None:
         _draw(plot, skills, recordings)
     if json:
@@ -56,89 +57,64 @@ def inspect(files: Sequence[Path], plot: Path | None, data: DataFlags, overwrite
         say(f"drawn into {plot}")
 
 
-def _of_file(file: Path, data: DataFlags) -> tuple[list[dict[str, Any]], list[Recording]]:
-    """(entries to print, recordings): also its columns, where no mapping was given and the file has columns to choose from."""
-    listing = _listing(file, data)
+def _unlike(entries: list[dict[str, Any]], before: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Entries to print; of files with the same columns those are listed once."""
+    seen = {tuple(c.name for c in e["listed"]) for e in before if e.get("listed")}
+    return [{**e, "listed": []} if "listed" in e and tuple(c.name for c in e["listed"]) in seen else e for e in entries]
+
+
+def _of_file(file: Path, data: DataFlags) -> tuple[list[dict[str, Any]], list[Recording], tuple[Column, ...]]:
+    """(entries to print, recordings, columns): columns where no mapping was given and the file has some to choose from."""
+    columns = _columns(file, data)
     try:
         recordings = read_recordings([file], data)
     except (ChannelError, RecordingError) as refused:
-        if not listing:
+        if not columns:
             raise
-        return [{"columns": str(file), "listed": listing, "refused": in_flags(str(refused))}], []
+        return [_listing(file, columns, in_flags(str(refused)))], [], columns
     entries = [{"recording": str(file), **_contents(recording)} for recording in recordings]
-    return entries + ([{"columns": str(file), "listed": listing}] if listing else []), recordings
+    listing = [_listing(file, columns)] if columns and not _own_table(recordings) else []
+    return entries + listing, recordings, columns
 
 
-def _listing(file: Path, data: DataFlags) -> list[Listed]:
+def _listing(file: Path, columns: Sequence[Column], refused: str = "") -> dict[str, Any]:
     from ..formats.listing import listed
 
+    return {"columns": str(file), "listed": list(listed(columns)), **({"refused": refused} if refused else {})}
+
+
+def _own_table(recordings: Sequence[Recording]) -> bool:
+    """Whether the channels' own table says all that a list of columns would: topics of a bag, each with its axes."""
+    return any(not name.startswith("hand.") and name != "events" for r in recordings for name in r.channels)
+
+
+def _columns(file: Path, data: DataFlags) -> tuple[Column, ...]:
+    from ..formats.looking import look
+
     mapped = data.mapping is not None or any((data.position, data.velocity, data.force, data.sensor_force))
-    return [] if mapped or not file.exists() else list(listed(file))
+    return () if mapped or not file.exists() else look(file)
 
 
-def _checked(recordings: Sequence[Recording], files: Sequence[Path], data: DataFlags) -> dict[str, Any]:
+def _checked(
+    recordings: Sequence[Recording], files: Sequence[Path], data: DataFlags, columns: Sequence[Column], refused: bool
+) -> dict[str, Any]:
+    """Findings and the next command; where nothing was read, or nothing that a lesson can be made of, a guess at the mapping."""
     from ..lessons.checkup import checkup
 
-    try:
-        found = checkup(recordings, preparation_of(data))
-    except ComanipError as refused:
-        return {"findings": [{"rank": _RANKS[0], "text": in_flags(str(refused)), "remedy": ""}], "advice": "", "lessons": 0}
-    return {
-        "findings": [{"rank": _RANKS[f.rank], "text": in_flags(f.text), "remedy": f.remedy} for f in found.findings],
-        "lessons": len(found.lessons),
-        "advice": advice(found, files, data),
-    }
-
-
-def advice(found: Checkup, files: Sequence[Path], data: DataFlags) -> str:
-    """One line that is a command: the next one to give."""
-    if not found.lessons:
-        return f"comanip inspect {_named(files)} --position ... --force ... (the first refusal above says what is missing)"
-    flags = dict(flag.partition("=")[::2] for flag in given_flags(data))
-    for remedy in found.remedies:
-        if remedy.startswith("leave out"):
-            flags |= _without_velocity(flags, found)
-        elif remedy.startswith("--rate-hz") and data.rate_hz is None:
-            flags |= {"--time": "none", "--rate-hz": remedy.partition("=")[2]}
-        elif remedy.startswith("--"):
-            flags |= dict([remedy.partition("=")[::2]])
-    clock = "doctor-force" in found.remedies
-    line = [flag + ("=" if value else "") + value for flag, value in flags.items()]
-    end = "-o clean.csv" if clock else "-o skill.json"
-    return " ".join(["comanip", "doctor-force" if clock else "learn", _named(files), *line, end])
-
-
-def _without_velocity(flags: dict[str, str], found: Checkup) -> dict[str, str]:
-    """Position and force by name, without --velocity: where they were recognised, the velocity would be again."""
-    flags.pop("--velocity", None)
-    named = {}
-    for note in (n for lesson in found.lessons for n in lesson.notes):
-        if recognised := _RECOGNISED.fullmatch(note):
-            named[f"--{recognised[2]}"] = recognised[1].replace(", ", ",")
-    return {k: v for k, v in named.items() if k not in flags and k != "--velocity"}
-
-
-def _named(files: Sequence[Path]) -> str:
-    return " ".join(f"'{f}'" if " " in str(f) else str(f) for f in files)
-
-
-def given_flags(data: DataFlags) -> list[str]:
-    """The data flags as they were given on the line."""
-    found = []
-    for one in fields(DataFlags):
-        value, flag = getattr(data, one.name), "--" + one.name.replace("_", "-")
-        if value is None or value == one.default:
-            continue
-        if value is True:
-            found.append(flag)
-        else:
-            found += [f"{flag}={_quoted(v)}" for v in (value if isinstance(value, list) else [value])]
-    return found
-
-
-def _quoted(value: Any) -> str:
-    text = str(value)
-    return text if text.replace("_", "").replace(",", "").replace(".", "").replace("-", "").isalnum() else f"'{text}'"
+    findings: list[dict[str, Any]] = []
+    found = None
+    if recordings:
+        try:
+            found = checkup(recordings, preparation_of(data))
+        except ComanipError as wrong:
+            findings = [{"rank": _RANKS[0], "text": in_flags(str(wrong)), "remedy": ""}]
+    if found is not None:
+        findings = [{"rank": _RANKS[f.rank], "text": in_flags(f.text), "remedy": f.remedy} for f in found.findings]
+    said = next_command(found, files, data, columns) if found is not None and not refused else Advice("")
+    if not said.command and columns:
+        said = propose(files, data, columns)
+    lessons = len(found.lessons) if found is not None else 0
+    return {"findings": findings, "lessons": lessons, "advice": said.command, "on_advice": list(said.notes)}
 
 
 def _print(result: dict[str, Any]) -> None:
@@ -162,10 +138,10 @@ def _print_columns(result: dict[str, Any]) -> None:
         )
         for c in result["listed"]
     ]
-    table(f"{result['columns']}: columns", ("column", "unit", "frames", "min", "max", "not finite", "looks like"), rows)
+    if rows:
+        table(f"{result['columns']}: columns", ("column", "unit", "frames", "min", "max", "not finite", "looks like"), rows)
     if "refused" in result:
         say(f"not read: {result['refused']}")
-        say("choose columns with --position, --force, --velocity, --time (or --rate-hz) and inspect again")
 
 
 def _print_checkup(result: dict[str, Any]) -> None:
@@ -176,8 +152,10 @@ def _print_checkup(result: dict[str, Any]) -> None:
             say(f"{finding['rank']}: {finding['text']}{remedy}")
     for finding in told:
         say(f"note: {finding['text']}")
-    if len(told) == len(result["findings"]):
+    if result["lessons"] and len(told) == len(result["findings"]):
         say(f"{result['lessons']} lessons: nothing suspicious was found")
+    for line in result["on_advice"]:
+        say(line)
     if result["advice"]:
         say(f"next: {result['advice']}")
 

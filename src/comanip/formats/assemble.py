@@ -28,7 +28,9 @@ from .columns import (
     to_si,
     units_of_axes,
     unknown,
+    with_units,
 )
+from .looking import Look, Looked
 
 _EPOCH = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _SINCE_S, _UNTIL_S = 9.4e8, 4.2e9  # stamps between 1999 and 2103 count from 1970, in the only unit in which they do
@@ -54,8 +56,10 @@ class Source(Protocol):
 
 def assemble(source: Source, columns: Columns) -> tuple[Recording, ...]:
     """Every recording in `source`, its mapped or recognised columns as hand.position, hand.velocity, hand.force ..."""
+    if isinstance(columns, Look):
+        raise Looked(source)
     notes: list[str] = list(source.notes)
-    columns = _completed(source, columns, notes)
+    columns = _completed(source, with_units(columns, source.names, str(source.path)), notes)
     wanted = _wanted(source.path, columns)
     found = {name: [source.find(e) for e in exprs] for name, exprs in wanted.items()}
     stamps = source.find(columns.time) if columns.time else []
@@ -314,6 +318,7 @@ def remapped(path: Path, recording: Recording, columns: Columns) -> Recording:
     """One of our own recordings under a mapping: channels renamed, units, role and rate stated, stamps ignored."""
     metadata = {"name": title_of(path), **recording.metadata, "source": str(path)}
     notes: list[str] = []
+    columns = with_units(columns, scalars_in(recording), str(path))
     recording = _restamped(path, recording, columns, notes)
     if columns.role is not None:
         written = metadata.get("role")
@@ -327,6 +332,8 @@ def remapped(path: Path, recording: Recording, columns: Columns) -> Recording:
         channels[name] = _picked(path, recording, expressions, columns.axes)
         instead = f", instead of the file's own {name}" if name in recording and expressions != (name,) else ""
         notes.append(f"{', '.join(expressions)} taken as {name}{instead}")
+    if columns.mapped and not columns.axes:
+        channels |= _named_alike(channels, columns, notes)
     for kind, name in NAME.items():
         if name in channels:
             channels[name] = _stated(name, kind, channels[name], columns, kind in columns.mapped, notes)
@@ -335,6 +342,22 @@ def remapped(path: Path, recording: Recording, columns: Columns) -> Recording:
     if notes:
         metadata["notes"] = note(metadata, *notes)
     return Recording(channels, metadata)
+
+
+def _named_alike(channels: Mapping[str, Channel], columns: Columns, notes: list[str]) -> dict[str, Channel]:
+    """The hand's signals with one set of axes, where entries of arrays (12, 13, 14 of a pose, 0, 1, 2 of a force) name none.
+
+    Where all of them are called x, y, z and differ, nothing is renamed: a z beside an x is a mistake.
+    """
+    signals = {name: channels[name] for name in NAME.values() if name in channels}
+    several = {c.axes for c in signals.values()}
+    counts = {len(axes) for axes in several}
+    if len(several) < 2 or len(counts) > 1 or all(set(axes) <= set("xyz") for axes in several):
+        return {}
+    named = next((e for e in (columns.position, columns.velocity, columns.force, columns.sensor_force) if e), ())
+    axes, assumed = axes_of(named, counts.pop())
+    notes.append(f"axes taken to be {', '.join(axes)}" + (", z up: nothing names them" if assumed else ""))
+    return {name: replace(c, axes=axes) for name, c in signals.items()}
 
 
 def _restamped(path: Path, recording: Recording, columns: Columns, notes: list[str]) -> Recording:
@@ -355,6 +378,11 @@ def _restamped(path: Path, recording: Recording, columns: Columns, notes: list[s
     notes.append(f"the file's stamps are ignored, as asked: frame i is taken to be at i / {columns.rate_hz:g} s")
     channels = {n: replace(c, time=np.arange(len(c.time)) / columns.rate_hz) for n, c in recording.channels.items()}
     return Recording(channels, recording.metadata)
+
+
+def scalars_in(recording: Recording) -> list[str]:
+    """Every name that a mapping may use: of channels, and of their axes."""
+    return [*recording.channels, *(f"{n}.{a}" for n, c in recording.channels.items() for a in c.axes)]
 
 
 def _picked(path: Path, recording: Recording, expressions: tuple[str, ...], axes: tuple[str, ...]) -> Channel:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -95,8 +95,8 @@ class Columns:
                                 one an axis ("m, m, deg")
 
     An expression is a CSV header, a 0-based column index, or, in .mat and .npz, a path with indices such as
-    `scope.signals[1].values[:,0]`; a leading "-" flips the sign. Naming any of position, velocity, force or
-    sensor_force turns recognition off.
+    `scope.signals[1].values[:,0]`; a leading "-" flips the sign; a unit may stand behind it, "yaw [deg]".
+    Naming any of position, velocity, force or sensor_force turns recognition off.
     """
 
     position: tuple[str, ...] = ()
@@ -146,6 +146,44 @@ def sign_and_name(expression: str, available: Iterable[str]) -> tuple[float, str
     if expression.startswith("-") and expression not in set(available):
         return -1.0, expression[1:].strip()
     return 1.0, expression
+
+
+_UNIT_AFTER = re.compile(r"(.*\S)\s*\[([^\]\d:]+)\]")
+
+
+def with_units(columns: Columns, available: Iterable[str], where: str) -> Columns:
+    """`columns` with the units that stand behind its expressions, "yaw_pos [deg]", taken off them and stated.
+
+    A column that is really called "z [mm]" keeps its name. Raises ChannelError where only some of the columns of a signal have
+    one, or the signal's unit is stated besides.
+    """
+    names = set(available)
+    changes: dict[str, Any] = {}
+    for kind, expressions in columns.mapped.items():
+        cut = [_unit_after(expression, kind, names) for expression in expressions]
+        units = [unit for _, unit in cut]
+        if not any(units):
+            continue
+        stated = columns.unit(kind)
+        if stated or not all(units):
+            what = f"and {kind}_unit says {stated}" if stated else "and others have none"
+            raise ChannelError(
+                f"{where}: {kind} {', '.join(expressions)}: a unit stands behind a column, {what}; state each once"
+            )
+        changes |= {kind: tuple(name for name, _ in cut)}
+        changes[f"{'force' if kind == 'sensor_force' else kind}_unit"] = units[0] if len(set(units)) == 1 else ", ".join(units)
+    return replace(columns, **changes)
+
+
+def _unit_after(expression: str, kind: str, names: set[str]) -> tuple[str, str]:
+    match = _UNIT_AFTER.fullmatch(expression)
+    if match is None or sign_and_name(expression, names)[1] in names:
+        return expression, ""
+    try:
+        to_si(match[2].strip(), "force" if kind == "sensor_force" else kind)
+    except ParameterError:
+        return expression, ""
+    return match[1], match[2].strip()
 
 
 def unknown(what: str, name: str, available: Iterable[str]) -> ChannelError:

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ComanipError
-from .array_file import read_mat, read_numpy
-from .assemble import Source
+from ..errors import ChannelError
 from .columns import recognise, recognise_time
-from .csv_file import CsvTable, is_own
-from .doors import format_of
-from .packed import packing, unpacked
-from .tables import text_of
+from .looking import Column
 
-_MB = 48
 _LIKE = {"position": "--position", "velocity": "--velocity", "force": "--force"}
 
 
@@ -34,42 +28,24 @@ class Listed(NamedTuple):
     problem: str = ""
 
 
-def listed(path: Path) -> tuple[Listed, ...]:
-    """Every column of a foreign table or array file; () for formats that name their channels themselves, and our own."""
-    source = _source(path)
-    if source is None:
-        return ()
-    names = source.names
-    like = {column: _LIKE[kind] for kind, axes in recognise(names).items() if kind in _LIKE for column in axes.values()}
-    if time := recognise_time(names):
-        like[time] = "--time"
-    return tuple(_one(source, name, like.get(name, "")) for name in names)
+def listed(columns: Sequence[Column]) -> tuple[Listed, ...]:
+    """Every column that `looking.look` found, with its range."""
+    like = _like([c.name for c in columns])
+    return tuple(_one(column, like.get(column.name, "")) for column in columns)
 
 
-def _source(path: Path) -> Source | None:
-    if path.is_dir():
-        return None
-    data = path.read_bytes()
-    if packing(data[:512]):
-        data = unpacked(path, data, _MB << 20)
+def _like(names: Sequence[str]) -> dict[str, str]:
+    """Column -> the flag that its name suggests, where that is obvious."""
     try:
-        form = format_of(path, data[:512]).name
-        if form == "numpy":
-            return read_numpy(path, data)
-        if form == "matlab" and data[512:520] != b"\x89HDF\r\n\x1a\n":
-            return read_mat(path, data)
-        if form == "csv" and not is_own(text := text_of(path, data)):
-            return CsvTable(path, text)
-    except ComanipError:  # reading says what is wrong with the file
-        return None
-    return None
+        like = {column: _LIKE[kind] for kind, axes in recognise(names).items() if kind in _LIKE for column in axes.values()}
+        time = recognise_time(names)
+    except ChannelError:  # two that could be the same: reading says which
+        return {}
+    return like | ({time: "--time"} if time else {})
 
 
-def _one(source: Source, name: str, suggests: str) -> Listed:
-    try:
-        values = np.concatenate([np.ravel(a) for a in source.find(name)])
-        fine = values[np.isfinite(values)]
-        low, high = (float(fine.min()), float(fine.max())) if len(fine) else (np.nan, np.nan)
-        return Listed(name, source.unit(name), len(values), low, high, len(values) - len(fine), suggests)
-    except (ComanipError, ValueError, TypeError) as refused:
-        return Listed(name, "", 0, np.nan, np.nan, 0, "", str(refused).rsplit(": ", 1)[-1])
+def _one(column: Column, suggests: str) -> Listed:
+    fine = column.values[np.isfinite(column.values)]
+    low, high = (float(fine.min()), float(fine.max())) if len(fine) else (np.nan, np.nan)
+    bad = len(column.values) - len(fine)
+    return Listed(column.name, column.unit, len(column.values), low, high, bad, suggests, column.problem)

@@ -13,10 +13,11 @@ import numpy as np
 from ..errors import ChannelError, ParameterError
 from ..interfaces import Array
 from ..recording import Channel, Recording
-from .assemble import remapped
-from .columns import NAME, Columns, recognise, sign_and_name
+from .assemble import remapped, scalars_in
+from .columns import NAME, Columns, recognise, sign_and_name, with_units
 from .events import EVENTS
 from .frames import turned
+from .looking import Look, Looked
 from .messages import CLOCKS, Transforms
 
 ORIENTATION, TORQUE = "hand.orientation", "hand.torque"
@@ -27,8 +28,10 @@ _STILL = 1e-9  # [m] an axis along which nothing moves is no part of the task
 
 def mapped(path: Path, recording: Recording, columns: Columns, turns: Sequence[Transforms] = ()) -> Recording:
     """The recording with hand.position, hand.velocity, hand.force ... as `columns` says, or as is obvious."""
+    if isinstance(columns, Look):
+        raise Looked(recording)
     notes: list[str] = []
-    columns = _named(path, recording, columns)
+    columns = _named(path, recording, with_units(columns, scalars_in(recording), str(path)))
     ours = any(name in recording for name in NAME.values())
     if columns.mapped or (ours and columns.frames):
         recording = _one_frame(path, recording, columns, turns, notes)

@@ -17,7 +17,7 @@ from ..interfaces import Array
 from ..recording import axis_units
 from ..signals.filters import MAX_CUTOFF, differentiate, smooth
 from ..signals.links import Link, linked, of_each_axis
-from .demonstration import Demonstration
+from .demonstration import DERIVED, Demonstration
 from .faults import noise_gain, white_noise
 
 REACH_S = 0.2  # offsets beyond this are another fault: two recordings, or a clock that was never set
@@ -26,6 +26,9 @@ RATE_PER_CUTOFF = 12.0  # frames a period of the cutoff: more say nothing new
 TERMS: Mapping[str, tuple[str, ...]] = {"M": ("M",), "D": ("D",), "K": ("K",), "M D": ("M", "D"), "D K": ("D", "K"),
                                         "M K": ("M", "K"), "M D K": ("M", "D", "K")}  # fmt: skip
 LEAST_UNEXPLAINED = 1e-4  # of the variance: less is how a derivative was taken, and no term of a law
+# By how much of BIC (150 to 1) another law must explain more once force is shifted: M a + D v looks like D v(t + M / D).
+EVIDENCE = 10.0
+HIDDEN = 3.0  # times the estimated noise: its estimate, from second differences, is that rough
 SURE_S = 0.02  # an offset with a larger standard error is not known
 
 
@@ -93,29 +96,54 @@ def admittance(lesson: Demonstration, *, cutoff_hz: float = 10.0, offsets: bool 
         least = 2.5 * REACH_S
         raise ParameterError(f"{lesson.name}: {lesson.duration_s:.2g} s are too short to identify anything; needs >= {least:g} s")
     noise_share = _noise_share(lesson, cutoff)
-    found = _told(*_simplest(signals, dt, cutoff, offsets), signals, noise_share)
-    if offsets and not found.offset_known:  # an offset that is not known would only bend the law
-        return _told(*_simplest(signals, dt, cutoff, offsets=False), signals, noise_share)
-    return found
+    steady = _simplest(signals, dt, cutoff, offsets=False)
+    late = _simplest(signals, dt, cutoff, offsets=True) if offsets else steady
+    if offsets and not _as_a_mass(late, steady, signals, noise_share):
+        if late.name != steady.name and late.cost > steady.cost - EVIDENCE:
+            late = _fitted(signals, steady.name, dt, cutoff, offsets=True)
+        found = _told(late.name, late.link, signals, noise_share)
+        if found.offset_known:  # an offset that is not known would only bend the law
+            return found
+    return _told(steady.name, steady.link, signals, noise_share)
 
 
-def _simplest(signals: Mapping[str, Array], dt: float, cutoff: float, offsets: bool) -> tuple[str, Link]:
+class _Fit(NamedTuple):
+    name: str
+    link: Link
+    cost: float
+
+
+def _simplest(signals: Mapping[str, Array], dt: float, cutoff: float, offsets: bool) -> _Fit:
+    return min((_fitted(signals, name, dt, cutoff, offsets) for name in TERMS), key=lambda fit: fit.cost)
+
+
+def _fitted(signals: Mapping[str, Array], name: str, dt: float, cutoff: float, offsets: bool) -> _Fit:
+    """The law with these terms, and its BIC; an offset costs as much as a term."""
     independent = max(8.0, len(signals["F"]) * dt * cutoff)
-    best: tuple[float, str, Link] | None = None
-    for name, terms in TERMS.items():
-        link = _linked(signals, terms, dt, offsets)
-        cost = independent * math.log(max(1.0 - link.r2, LEAST_UNEXPLAINED)) + (len(terms) + 1) * math.log(independent)
-        if best is None or cost < best[0]:
-            best = cost, name, link
-    assert best is not None
-    return best[1], best[2]
+    link = _linked(signals, TERMS[name], dt, offsets)
+    cost = independent * math.log(max(1.0 - link.r2, LEAST_UNEXPLAINED))
+    return _Fit(name, link, cost + (len(TERMS[name]) + 1 + offsets) * math.log(independent))
+
+
+def _as_a_mass(late: _Fit, steady: _Fit, signals: Mapping[str, Array], noise_share: tuple[float, ...]) -> bool:
+    """Whether a force that comes early may be that of a mass, M = -D offset, seen through the noise of the acceleration: where
+    the law without an offset leaves no more than this noise hides, nothing tells one from the other."""
+    if late.link.offset_s >= 0.0 or "D" not in late.name.split():
+        return False
+    terms, d = TERMS[late.name], signals["F"].shape[1]
+    damping = late.link.values.reshape(d, len(terms) + 1)[:, terms.index("D")]
+    hidden = (damping * late.link.offset_s) ** 2 * np.array(noise_share) * signals["M"].var(axis=0)
+    return HIDDEN * float(hidden.sum()) > (late.link.r2 - steady.link.r2) * float(signals["F"].var(axis=0).sum())
 
 
 def _prepared(lesson: Demonstration, cutoff: float) -> tuple[dict[str, Array], float]:
     """Low-passed M, D, K columns and F, thinned to what the cutoff leaves."""
+
+    def passed(values: Array) -> Array:  # a velocity that was derived passed the low-pass once already: so does all else
+        return smooth(smooth(values, lesson.dt, cutoff) if _derived(lesson) else values, lesson.dt, cutoff)
+
     v = smooth(lesson.velocity, lesson.dt, cutoff)
-    signals = {"M": differentiate(v, lesson.dt), "D": v, "K": smooth(lesson.position, lesson.dt, cutoff)}
-    signals["F"] = smooth(lesson.force, lesson.dt, cutoff)
+    signals = {"M": differentiate(v, lesson.dt), "D": v, "K": passed(lesson.position), "F": passed(lesson.force)}
     step = max(1, int(1.0 / (lesson.dt * cutoff * RATE_PER_CUTOFF)))
     return {n: values[::step] for n, values in signals.items()}, lesson.dt * step
 
@@ -150,9 +178,24 @@ def _told(name: str, link: Link, signals: Mapping[str, Array], noise_share: tupl
 def _noise_share(lesson: Demonstration, cutoff: float) -> tuple[float, ...]:
     """By axis, of the low-passed acceleration's variance."""
     acceleration = differentiate(smooth(lesson.velocity, lesson.dt, cutoff), lesson.dt)
-    noise = white_noise(lesson.velocity) * noise_gain(len(lesson), lesson.dt, cutoff, slope=True)
+    if _derived(lesson):
+        noise = white_noise(lesson.position) * _twice_derived(len(lesson), lesson.dt, cutoff)
+    else:
+        noise = white_noise(lesson.velocity) * noise_gain(len(lesson), lesson.dt, cutoff, slope=True)
     variance = (acceleration**2).mean(axis=0)
     return tuple(float(min(1.0, n**2 / v)) if v > 0.0 else 0.0 for n, v in zip(noise, variance, strict=True))
+
+
+def _derived(lesson: Demonstration) -> bool:
+    return any(note.startswith(DERIVED) for note in lesson.notes)
+
+
+def _twice_derived(frames: int, dt: float, cutoff: float) -> float:
+    """RMS of unit white noise of a position behind two low-passes and two derivatives."""
+    impulse = np.zeros(min(frames, max(64, math.ceil(16.0 / (cutoff * dt)))))
+    impulse[len(impulse) // 2] = 1.0
+    slope = differentiate(smooth(impulse, dt, cutoff), dt)
+    return float(np.sqrt((differentiate(smooth(slope, dt, cutoff), dt) ** 2).sum()))
 
 
 def units_of(lesson: Demonstration, term: str) -> tuple[str, ...]:

@@ -47,6 +47,13 @@ class Checkup:
     def remedies(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(f.remedy for f in self.findings if f.remedy))
 
+    @property
+    def recognised(self) -> dict[str, str]:
+        """Kind -> columns, as the notes say that they were recognised: "position" -> "x,y,z"."""
+        notes = (n for lesson in self.lessons for n in lesson.notes)
+        found = (match for n in notes if (match := _RECOGNISED.fullmatch(n)))
+        return {match[2]: match[1].replace(", ", ",") for match in found}
+
 
 # words of a refusal -> (flag, field of the preparation that mends it)
 _MENDS = (
@@ -54,16 +61,31 @@ _MENDS = (
     (": gap ", "--split-gaps", {"split_gaps": True}),
     ("plausible", "--any-size", {"plausible": None}),
     ("no piece between", "", {"min_frames": 2}),
+    ("integrate_position makes one", "--integrate-position", {"integrate_position": True}),
+)
+# words of a refusal that nothing but another reading of the file mends -> the flag
+_READ_AGAIN = (
+    (re.compile(r"state time_unit='(\w+)'"), "--time-unit={}"),
+    (re.compile(r'time="none" and state rate_hz \(([\d.]+) Hz on average'), "--rate-hz={}"),
 )
 # what a refused size is taken for -> the flag that says so; where it may be several units, the size alone is let pass
-_UNITS = {"millimetres? state": "--position-unit=mm", "degrees? state position": "--position-unit=deg"}
+_UNITS = {
+    "millimetres? state": "--position-unit=mm",
+    "degrees? state position": "--position-unit=deg",
+    "millimetres per second? state": "--velocity-unit=mm/s",
+    "degrees? state velocity": "--velocity-unit=deg/s",
+}
 _NUMBER = re.compile(r"[-+]?\d[\d.e+-]*")
 _RATE = re.compile(r"is the rate .* right \(([\d.]+) Hz would agree\)")
+_RECOGNISED = re.compile(r"(?:columns )?(\S.*) taken as (?:hand\.)?(position|force|velocity)(?:, instead.*)?")
 _VELOCITY = "leave out --velocity: it is derived from position"
 
 
-def checkup(recordings: Sequence[Recording], preparation: Preparation | None = None) -> Checkup:
-    """What `demonstrations` and `learn` would say of these recordings, and what is seen in the lessons besides."""
+def checkup(recordings: Sequence[Recording], preparation: Preparation | None = None, *, clocks: bool = True) -> Checkup:
+    """What `demonstrations` and `learn` would say of these recordings, and what is seen in the lessons besides.
+
+    `clocks`: also whether force has another clock than motion, which takes ten times as long as everything else.
+    """
     chosen = preparation or Preparation()
     found: list[Finding] = []
     lessons: list[Demonstration] = []
@@ -72,7 +94,7 @@ def checkup(recordings: Sequence[Recording], preparation: Preparation | None = N
         lessons += made
         found += more
     for lesson in lessons:
-        found += _of_lesson(lesson)
+        found += _of_lesson(lesson, clocks)
     found += _of_set(lessons, chosen.role)
     return Checkup(_once_each(found), tuple(lessons), chosen)
 
@@ -97,13 +119,13 @@ def _looked_at(recording: Recording, chosen: Preparation) -> tuple[tuple[Demonst
                 lessons = demonstrations([recording], chosen)
             except ComanipError as refused:
                 mended = _mended(str(refused), recording, chosen)
-                found.append(Finding(STOPS, str(refused), mended[2] if mended else ""))
+                found.append(Finding(STOPS, str(refused), mended[2] if mended else _read_again(str(refused))))
                 if mended is None:
                     return (), chosen, found
                 recording, chosen = mended[0], mended[1]
                 continue
         warned = [str(w.message) for w in caught if issubclass(w.category, ComanipWarning)]
-        found += [Finding(SUSPICIOUS, text, _flag_for(text)) for text in warned]
+        found += [Finding(SUSPICIOUS, text, _flag_for(text, recording)) for text in warned]
         found += [Finding(TOLD, note) for lesson in lessons for note in lesson.notes if note not in warned]
         return lessons, chosen, found
     return (), chosen, found
@@ -122,13 +144,27 @@ def _mended(message: str, recording: Recording, chosen: Preparation) -> tuple[Re
     return None
 
 
-def _flag_for(warning: str) -> str:
+def _read_again(refusal: str) -> str:
+    return next((flag.format(match[1]) for pattern, flag in _READ_AGAIN if (match := pattern.search(refusal))), "")
+
+
+def _flag_for(warning: str, recording: Recording) -> str:
+    """What mends a suspicion; "" where nothing is to be done.
+
+    Where the file has stamps of its own these are believed before a velocity that disagrees: somebody divided by another period.
+    """
     if agrees := _RATE.search(warning):
-        return f"--rate-hz={float(agrees[1]):.4g}"
+        return _VELOCITY if stamped(recording) else f"--rate-hz={float(agrees[1]):.4g}"
     return "--tare" if "force at rest is" in warning else ""
 
 
-def _of_lesson(lesson: Demonstration) -> list[Finding]:
+def stamped(recording: Recording) -> bool:
+    """Whether its time is what the file says, and no rate that the caller stated."""
+    notes = [str(note) for note in recording.metadata.get("notes", ())]
+    return not any(note.startswith(("no stamps: frame i", "the file's stamps are ignored")) for note in notes)
+
+
+def _of_lesson(lesson: Demonstration, clocks: bool) -> list[Finding]:
     """What `learn` does not look at: pieces too short to teach, cuts through a motion, a force on another clock."""
     found = []
     where = lesson.name
@@ -136,7 +172,7 @@ def _of_lesson(lesson: Demonstration) -> list[Finding]:
         found.append(Finding(SUSPICIOUS, f"{where}: {len(lesson)} frames, {lesson.duration_s:.2g} s: a fragment; leave it out"))
         return found
     found += [Finding(SUSPICIOUS, f"{where}: {text}") for text in _cuts(lesson)]
-    if "force" in lesson.signals and (late := _late(lesson)):
+    if clocks and "force" in lesson.signals and (late := _late(lesson)):
         found.append(Finding(SUSPICIOUS, f"{where}: {late}", "doctor-force"))
     return found
 
@@ -176,8 +212,13 @@ def _of_set(lessons: Sequence[Demonstration], role: str | None) -> list[Finding]
         try:
             check_set(lessons, role=role)
         except ComanipError as refused:
-            found.append(Finding(STOPS, str(refused)))
+            found.append(Finding(STOPS, str(refused), _common_rate(lessons)))
     return found + [Finding(SUSPICIOUS, str(w.message)) for w in caught]
+
+
+def _common_rate(lessons: Sequence[Demonstration]) -> str:
+    rates = {1.0 / lesson.dt for lesson in lessons}
+    return f"--resample-hz={min(rates):.6g}" if len(rates) > 1 else ""
 
 
 class Stretch(NamedTuple):

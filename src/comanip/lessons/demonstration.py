@@ -37,6 +37,7 @@ from .stamps import one_rate
 
 __all__ = ["Demonstration", "Preparation", "check_set", "demonstration", "demonstrations", "require"]
 
+DERIVED = "velocity derived from position"  # begins the note of a lesson whose velocity was not recorded
 _KIND = {"position": "position", "velocity": "velocity", "force": "force", "sensor_force": "force"}
 
 
@@ -361,7 +362,7 @@ def _complete(
     elif "velocity" not in signals:
         signals["velocity"] = differentiate(smooth(signals["position"], dt, cutoff), dt)
         units["velocity"] = ", ".join(u.strip() + "/s" for u in units["position"].split(","))
-        notes.append(f"velocity derived from position: zero-phase low-pass {cutoff:.4g} Hz, central differences")
+        notes.append(f"{DERIVED}: zero-phase low-pass {cutoff:.4g} Hz, central differences")
     else:
         position, velocity, unit = signals["position"], signals["velocity"], units["position"]
         check_velocity(where, position, velocity, dt, cutoff_hz=cutoff, axes=axes, notes=notes, unit=unit)

@@ -84,27 +84,35 @@ def _lowest(cost: Callable[[float], float], low: float, high: float) -> float:
 
 
 class _Problem:
-    """One regression for many offsets: the columns are decomposed once for each choice of frames."""
+    """One regression for many offsets and many choices of frames: the columns are decomposed once.
+
+    With X = U S V', frames left out change U' U from the identity by what they hold of it, which is a matrix of p x p.
+    """
 
     def __init__(self, columns: Array, curve: Any, time: Array) -> None:
-        self._columns, self.curve, self._time = columns, curve, time
+        frames, d, p = columns.shape
+        self.curve, self._time = curve, time
         self._scale = np.sqrt((columns**2).mean(axis=(0, 1)))
         self._scale[self._scale == 0.0] = 1.0
-        self._last: tuple[bytes, Array] | None = None
+        u, s, v = np.linalg.svd((columns / self._scale).reshape(-1, p), full_matrices=False)
+        rank = int((s > 1e-10 * s[0]).sum()) if s[0] > 0.0 else 0
+        self._u, self._back = u[:, :rank].reshape(frames, d, rank), v[:rank].T / s[:rank]
+        self._last: tuple[bytes, Array, Array] | None = None
 
     def target(self, offset: float) -> Array:
         return np.asarray(self.curve(self._time + offset))
 
     def solve(self, kept: np.ndarray, offset: float) -> Array:
-        x, y = self._stacked(kept), self.target(offset)[kept].reshape(-1)
-        return np.asarray(np.linalg.lstsq(x, y, rcond=1e-10)[0] / self._scale)
+        basis, inverse = self._basis(kept)
+        return np.asarray(self._back @ (inverse @ (basis.T @ self.target(offset)[kept].reshape(-1))) / self._scale)
 
     def unexplained(self, kept: np.ndarray, offset: float) -> float:
         """Share of the force that the columns leave, 0 to 1."""
+        basis, inverse = self._basis(kept)
         y = self.target(offset)[kept]
         total = float(((y - y.mean(axis=0)) ** 2).sum())
-        part = self._basis(kept).T @ y.reshape(-1)
-        return (float((y**2).sum()) - float(part @ part)) / total if total > 0.0 else 1.0
+        part = basis.T @ y.reshape(-1)
+        return (float((y**2).sum()) - float(part @ inverse @ part)) / total if total > 0.0 else 1.0
 
     def best_offset(self, kept: np.ndarray, reach_s: float) -> float:
         tried = np.linspace(-reach_s, reach_s, 2 * math.ceil(reach_s / COARSE_S) + 1)
@@ -115,15 +123,13 @@ class _Problem:
         low, high = max(near - 2.0 * COARSE_S, -reach_s), min(near + 2.0 * COARSE_S, reach_s)
         return _lowest(lambda offset: self.unexplained(kept, offset), low, high)
 
-    def _stacked(self, kept: np.ndarray) -> Array:
-        return (self._columns[kept] / self._scale).reshape(-1, self._columns.shape[2])
-
-    def _basis(self, kept: np.ndarray) -> Array:
+    def _basis(self, kept: np.ndarray) -> tuple[Array, Array]:
+        """(U of the frames kept, stacked; inverse of its U' U)."""
         key = kept.tobytes()
         if self._last is None or self._last[0] != key:
-            u, s, _ = np.linalg.svd(self._stacked(kept), full_matrices=False)
-            self._last = (key, u[:, s > 1e-10 * s[0]])
-        return self._last[1]
+            basis = self._u[kept].reshape(-1, self._u.shape[2])
+            self._last = key, basis, np.linalg.pinv(basis.T @ basis, rcond=1e-10, hermitian=True)
+        return self._last[1], self._last[2]
 
 
 def of_each_axis(columns: Sequence[Array]) -> Array:
