@@ -19,10 +19,13 @@ V = np.gradient(X[:, 0], T)[:, None]
 F = 15.0 * V + 2.0 * np.gradient(V[:, 0], T)[:, None] + 0.05 * RNG.normal(size=V.shape)
 
 
-def taken(time=T, x=X, v=V, f=F, name="lift", role="follower"):
+LEFT_OUT = "leave out --velocity: it is derived from position"
+
+
+def taken(time=T, x=X, v=V, f=F, name="lift", role="follower", notes=()):
     channels = {"hand.position": (x, "m"), "hand.force": (f, "N"), "hand.velocity": (v, "m/s")}
     made = {n: Channel(time, values, unit, "task", ("z",)) for n, (values, unit) in channels.items() if values is not None}
-    return Recording(made, {"name": name, "role": role})
+    return Recording(made, {"name": name, "role": role, "notes": list(notes)})
 
 
 def texts(found, rank):
@@ -54,10 +57,11 @@ def test_several_faults_of_one_recording_are_all_found_in_one_look():
 @pytest.mark.parametrize(
     ("spoiled", "said", "remedy"),
     [
-        (taken(v=-V), "sign is flipped", "leave out --velocity: it is derived from position"),
+        (taken(v=-V), "sign is flipped", LEFT_OUT),
         (taken(x=1e3 * X, v=None), "millimetres", "--position-unit=mm"),
-        (taken(x=40.0 * X, v=40.0 * V), "millimetres per second", "--any-size"),
-        (taken(v=0.7 * V), "is the rate 100 Hz right", "--rate-hz=70"),
+        (taken(x=40.0 * X, v=40.0 * V), "millimetres per second", "--velocity-unit=mm/s"),
+        (taken(v=0.7 * V), "is the rate 100 Hz right", LEFT_OUT),
+        (taken(v=0.7 * V, notes=["no stamps: frame i is taken to be at i / 100 s"]), "is the rate 100 Hz right", "--rate-hz=70"),
         (taken(f=F + 4.0), "force at rest", "--tare"),
         (taken(T[150:], X[150:], V[150:], F[150:]), "begins in motion", ""),
         (taken(T[:200], X[:200], V[:200], F[:200]), "ends in motion", ""),

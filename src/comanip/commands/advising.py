@@ -91,11 +91,20 @@ def _flags(guessed: Guess, data: DataFlags, columns: Sequence[Column]) -> DataFl
         plain = None
     if guessed.time and guessed.time != plain and data.time is None:
         changes["time"] = guessed.time
+    if guessed.angle and not any((data.position_unit, data.velocity_unit, data.force_unit)):
+        changes |= _of_angles(guessed, columns)
     if guessed.rate_hz and data.rate_hz is None:
         changes["rate_hz"] = guessed.rate_hz
     if guessed.labels and data.segment_by is None:
         changes["segment_by"] = ",".join(guessed.labels)
     return replace(data, **changes)
+
+
+def _of_angles(guessed: Guess, columns: Sequence[Column]) -> dict[str, str]:
+    """Units of a turn, for what the file states none of."""
+    stated = {c.name: c.unit for c in columns}
+    units = {"position": guessed.angle, "velocity": f"{guessed.angle}/s", "force": "N m"}
+    return {f"{k}_unit": units[k] for k, names in guessed.signals.items() if not any(stated.get(n) for n in names)}
 
 
 def _that_reads(files: Sequence[Path], flags: DataFlags, notes: list[str]) -> DataFlags | None:
@@ -155,11 +164,22 @@ def _mended(found: Checkup, files: Sequence[Path], data: DataFlags) -> tuple[Dat
             wanted = _with_remedy(remedy, wanted, found)
         if wanted == flags:
             break
-        looked, _ = _looked(files, wanted)
-        if looked is None or not looked.lessons:
+        for tried in (wanted, _without_units(wanted, flags)):  # a file that states its units takes no other
+            looked, _ = _looked(files, tried)
+            if looked is not None and looked.lessons:
+                flags, found = tried, looked
+                break
+        else:
             break
-        flags, found = wanted, looked
     return _units_behind(flags), found
+
+
+def _without_units(wanted: DataFlags, before: DataFlags) -> DataFlags:
+    """Sizes as they are, where they were taken for another unit."""
+    units = ("position_unit", "velocity_unit", "force_unit")
+    changed = any(getattr(wanted, name) != getattr(before, name) for name in units)
+    kept: dict[str, Any] = {name: getattr(before, name) for name in units}
+    return replace(wanted, **kept, any_size=True) if changed else wanted
 
 
 def _with_remedy(remedy: str, flags: DataFlags, found: Checkup) -> DataFlags:
@@ -179,6 +199,8 @@ def _with_remedy(remedy: str, flags: DataFlags, found: Checkup) -> DataFlags:
         return flags
     if name == "position_unit" and _has_velocity(flags, found):
         return replace(flags, position_unit=value, velocity_unit=f"{value}/s")
+    if name == "velocity_unit" and not flags.position_unit and not any("position" in r for r in found.remedies):
+        return replace(flags, velocity_unit=value, position_unit=value.removesuffix("/s"))  # they agree as they stand
     mended: dict[str, Any] = {name: value or True}
     return replace(flags, **mended)
 

@@ -24,12 +24,12 @@ _KINDS = {
     TORQUE: "torque torques tau effort efforts moment moments mx my mz tx ty tz drehmoment",
     VELOCITY: "velocity velocities vel v vx vy vz speed speeds twist linear dot dx dy dz dq qd xd yd zd xdot ydot zdot lin "
     "linvel geschwindigkeit dp dpx dpy dpz dpos rate angvel",
-    TURN: "roll pitch yaw rx ry rz rpy euler rot rotation angle angles theta phi psi joint joints q knee elbow shoulder wrist "
-    "hip",
+    TURN: "roll pitch yaw rx ry rz rpy euler rot rotation angle angles theta phi psi joint joints q",
     POSITION: "position positions pos pose poses p px py pz x y z xyz translation point location loc disp displacement height "
     "weg cartesian coord coords",
 }
 _WORDS = {word: kind for kind, words in _KINDS.items() for word in words.split()}
+_HINGES = {"knee", "elbow", "shoulder", "wrist", "hip", "ankle"}  # turn, unless the name has an axis: wrist_x is a place
 _TURN_RATES = {"dq", "qd", "angvel"}
 _ORDER = tuple(_KINDS)
 _HAND = set(
@@ -40,6 +40,7 @@ _NOT_THE_HAND = set(
     "cmd command commanded desired des ref reference target goal setpoint action actions raw motor base wall res residual head "
     "camera".split()
 )
+_TURNS_MOST = 9.4  # [rad] one and a half turns: what spans more is in degrees
 _LABELS = {"trial", "segment", "seg", "episode", "demo", "repetition", "rep", "task", "target", "block", "run", "take", "lift"}
 _AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 _STILL = 0.02  # of the largest motion in its group: what moves less does not move
@@ -50,13 +51,15 @@ _LONGEST_STEP_S, _SHORTEST_PIECE = 0.5, 20
 
 class Guess(NamedTuple):
     """Expressions by kind (position, velocity, force), the time column ("" where none is needed), labels that cut the file into
-    takes, the rate at which velocity is the derivative of position [Hz] (0 where nothing says it), and what it rests on."""
+    takes, the rate at which velocity is the derivative of position [Hz] (0 where nothing says it), what it rests on, and the
+    unit of angles where the file states none ("" for places)."""
 
     signals: dict[str, tuple[str, ...]]
     time: str
     labels: tuple[str, ...]
     rate_hz: float
     why: str
+    angle: str = ""
 
 
 class _Group(NamedTuple):
@@ -85,7 +88,15 @@ def guess(columns: Sequence[Column], *, stamped: bool) -> Guess | None:
         return None
     rate = 0.0 if time is not None or stamped else _rate(found)
     signals = {kind: tuple(c.name for c in several) for kind, several in found.items()}
-    return Guess(_shortened(signals, rest), time.name if time else "", labels(rest), rate, why)
+    return Guess(_shortened(signals, rest), time.name if time else "", labels(rest), rate, why, _angle(found))
+
+
+def _angle(found: dict[str, list[Column]]) -> str:
+    place = found.get(POSITION, [])
+    read = [_read(c, [c], False) for c in place if c.place < 0]
+    if not read or any(one is None or one[0] != TURN for one in read) or any(c.unit for c in place):
+        return ""
+    return "deg" if max(float(np.ptp(c.values)) for c in place) > _TURNS_MOST else "rad"
 
 
 def _families(columns: Sequence[Column]) -> list[Column]:
@@ -181,10 +192,11 @@ def _read(column: Column, vector: Sequence[Column], states: bool) -> tuple[str, 
         return None
     kind = min(kinds, key=_ORDER.index)
     kind = TORQUE if kind == FORCE and kinds[-1] == TORQUE else kind
-    turning = TURN in kinds or not _TURN_RATES.isdisjoint(words)
-    kind = TURN_RATE if kind == VELOCITY and turning else kind
     own = column.name[len(column.group) :] if column.place >= 0 else column.name
     axis = next((a for w in reversed(words_of(own)) for part in reversed(_split(w)) if (a := _axis(part))), "")
+    hinge = not axis and column.place < 0 and not _HINGES.isdisjoint(words)
+    turning = hinge or TURN in kinds or not _TURN_RATES.isdisjoint(words)
+    kind = {VELOCITY: TURN_RATE, POSITION: TURN}.get(kind, kind) if turning and (hinge or kind == VELOCITY) else kind
     if column.place >= 0 and not axis:
         kind, axis = (kind, f"{column.place}") if turning else _entry(column.place, kind, len(vector))
     return (kind, axis, stem) if kind != "other" else None

@@ -114,13 +114,14 @@ class _Fit(NamedTuple):
 
 
 def _simplest(signals: Mapping[str, Array], dt: float, cutoff: float, offsets: bool) -> _Fit:
-    return min((_fitted(signals, name, dt, cutoff, offsets) for name in TERMS), key=lambda fit: fit.cost)
+    fits = (_fitted(signals, name, dt, cutoff, offsets, errors=False) for name in TERMS)
+    return _fitted(signals, min(fits, key=lambda fit: fit.cost).name, dt, cutoff, offsets)
 
 
-def _fitted(signals: Mapping[str, Array], name: str, dt: float, cutoff: float, offsets: bool) -> _Fit:
+def _fitted(signals: Mapping[str, Array], name: str, dt: float, cutoff: float, offsets: bool, *, errors: bool = True) -> _Fit:
     """The law with these terms, and its BIC; an offset costs as much as a term."""
     independent = max(8.0, len(signals["F"]) * dt * cutoff)
-    link = _linked(signals, TERMS[name], dt, offsets)
+    link = _linked(signals, TERMS[name], dt, offsets, errors=errors)
     cost = independent * math.log(max(1.0 - link.r2, LEAST_UNEXPLAINED))
     return _Fit(name, link, cost + (len(TERMS[name]) + 1 + offsets) * math.log(independent))
 
@@ -148,9 +149,9 @@ def _prepared(lesson: Demonstration, cutoff: float) -> tuple[dict[str, Array], f
     return {n: values[::step] for n, values in signals.items()}, lesson.dt * step
 
 
-def _linked(signals: Mapping[str, Array], terms: tuple[str, ...], dt: float, offsets: bool) -> Link:
+def _linked(signals: Mapping[str, Array], terms: tuple[str, ...], dt: float, offsets: bool, *, errors: bool = True) -> Link:
     columns = of_each_axis([*(signals[t] for t in terms), np.ones_like(signals["F"])])
-    return linked(columns, signals["F"], dt, reach_s=REACH_S if offsets else 0.0)
+    return linked(columns, signals["F"], dt, reach_s=REACH_S if offsets else 0.0, errors=errors)
 
 
 def _told(name: str, link: Link, signals: Mapping[str, Array], noise_share: tuple[float, ...]) -> Admittance:

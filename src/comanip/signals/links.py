@@ -39,11 +39,12 @@ class Link(NamedTuple):
     inside: tuple[int, int]
 
 
-def linked(columns: Array, force: Array, dt: float, *, reach_s: float = 0.0) -> Link:
+def linked(columns: Array, force: Array, dt: float, *, reach_s: float = 0.0, errors: bool = True) -> Link:
     """Least squares of force (T, d) on columns (T, d, p), with the offset within ± `reach_s` [s] that explains most.
 
     A shift of the force that the columns can imitate (acceleration and velocity of one swing at one frequency) cannot be told
-    from them: `offset_error_s` is large then. Raises ParameterError where there are too few frames.
+    from them: `offset_error_s` is large then. Without `errors` these are nan: they take ten times as long as the fit. Raises
+    ParameterError where there are too few frames.
     """
     frames, _, p = columns.shape
     edge = math.ceil(reach_s / dt)
@@ -55,20 +56,26 @@ def linked(columns: Array, force: Array, dt: float, *, reach_s: float = 0.0) -> 
     everything = np.ones(len(time[inside]), dtype=bool)
     offset = problem.best_offset(everything, reach_s) if reach_s > 0.0 else 0.0
     values = problem.solve(everything, offset)
-    scattered = []
-    for part in np.array_split(np.arange(len(everything)), min(BLOCKS, len(everything) // p)):
-        kept = everything.copy()
-        kept[part] = False
-        near = problem.refined(kept, offset, reach_s) if reach_s > 0.0 else 0.0
-        scattered.append([near, *problem.solve(kept, near)])
-    spread = np.array(scattered)
-    errors = np.sqrt((len(spread) - 1) / len(spread) * ((spread - spread.mean(axis=0)) ** 2).sum(axis=0))
+    spread = _spread(problem, offset, reach_s, p) if errors else np.full(p + 1, np.nan)
     target = problem.target(offset)
     rest = problem.curve(np.clip(time + offset, time[0], time[-1])) - columns @ values
     total = float(((target - target.mean(axis=0)) ** 2).sum())
     r2 = 1.0 - float((rest[inside] ** 2).sum()) / total if total > 0.0 else math.nan
-    found = (offset, float(errors[0])) if reach_s > 0.0 else (math.nan, math.nan)
-    return Link(values, errors[1:], *found, r2, rest, (edge, frames - edge))
+    found = (offset, float(spread[0])) if reach_s > 0.0 else (math.nan, math.nan)
+    return Link(values, spread[1:], *found, r2, rest, (edge, frames - edge))
+
+
+def _spread(problem: _Problem, offset: float, reach_s: float, p: int) -> Array:
+    """(1 + p,) standard errors of the offset and the values: how far they move when one block of time is left out."""
+    frames = problem.frames
+    scattered = []
+    for part in np.array_split(np.arange(frames), min(BLOCKS, frames // p)):
+        kept = np.ones(frames, dtype=bool)
+        kept[part] = False
+        near = problem.refined(kept, offset, reach_s) if reach_s > 0.0 else 0.0
+        scattered.append([near, *problem.solve(kept, near)])
+    found = np.array(scattered)
+    return np.asarray(np.sqrt((len(found) - 1) / len(found) * ((found - found.mean(axis=0)) ** 2).sum(axis=0)))
 
 
 def _curve(time: Array, values: Array) -> Any:
@@ -91,7 +98,7 @@ class _Problem:
 
     def __init__(self, columns: Array, curve: Any, time: Array) -> None:
         frames, d, p = columns.shape
-        self.curve, self._time = curve, time
+        self.curve, self._time, self.frames = curve, time, frames
         self._scale = np.sqrt((columns**2).mean(axis=(0, 1)))
         self._scale[self._scale == 0.0] = 1.0
         u, s, v = np.linalg.svd((columns / self._scale).reshape(-1, p), full_matrices=False)
