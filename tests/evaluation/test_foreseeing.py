@@ -55,7 +55,7 @@ def test_lessons_that_answer_the_force_of_the_moment_do_not_lose_by_the_choice(l
 
 def test_the_plain_rule_is_the_skills_own_model(lessons):
     learned = learn(lessons["leader"][:5])
-    plain = foreseeing.velocity_of(learned.model, lessons["leader"][5], learned, 0.0)
+    (plain,) = foreseeing.velocities_of(learned.model, lessons["leader"][5], learned, [0.0])
     assert plain == pytest.approx(prediction.one_step_velocity(learned, lessons["leader"][5]), abs=1e-12)
 
 

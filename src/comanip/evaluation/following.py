@@ -48,12 +48,10 @@ def one_step_velocity(learned: LearnedSkill, lesson: Demonstration) -> Array:
     seen[1:, moving] = frames[:-1, moving]
     seen[0, moving] = np.nan
     forward = ForwardFilter(model if literal else blurred(model, doubt(learned, WEIGHT_DOUBT)))
-    known = frames[:, given]
-    low, high = np.array(-np.inf), np.array(np.inf)
-    if not literal:
-        known = np.clip(known, *taught_range(model, regression.inputs))
-        low, high = taught_range(model, regression.outputs)
-    return np.array([np.clip(regression.mean(forward.step(xi), x), low, high) for xi, x in zip(seen, known, strict=True)])
+    known = frames[:, given] if literal else np.clip(frames[:, given], *taught_range(model, regression.inputs))
+    h = np.array([forward.step(xi).copy() for xi in seen])
+    mean = np.einsum("tk,tko->to", h, regression.means_per_state(known))
+    return np.asarray(mean if literal else np.clip(mean, *taught_range(model, regression.outputs)))
 
 
 def free_run(learned: LearnedSkill, lesson: Demonstration) -> Array:

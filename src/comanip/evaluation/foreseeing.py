@@ -22,7 +22,7 @@ from ..models.hmm import Hmm
 from .heads import axes_of
 from .stacking import weights
 from .takes import folds_of
-from .ways import RIDGES, SKILLS, Ways, begins, leaked, the_skills, velocity_of, ways_of
+from .ways import RIDGES, SKILLS, Ways, begins, leaked, the_skills, velocities_of, ways_of
 
 FOLDS = 6
 DOUBT = 3.0  # [squared errors of a lesson] weights of a free run, of which a lesson is one witness, however many frames it has
@@ -61,8 +61,9 @@ class Foreseer:
 
     def velocity(self, lesson: Demonstration) -> Array:
         """(T, d) from each frame's position and force, states from what was before."""
-        said = [w * _by_rule(rule, self.learned, self.leak, lesson) for rule, w in self.rules.items() if w.any()]
-        return np.sum(said, axis=0) if said else np.zeros_like(lesson.velocity)
+        used = [rule for rule, w in self.rules.items() if w.any()]
+        said = _by_rules(used, self.learned, self.leak, lesson)
+        return np.sum([self.rules[rule] * v for rule, v in zip(used, said, strict=True)], axis=0) + np.zeros_like(lesson.velocity)
 
     def path(self, lesson: Demonstration) -> Array:
         """(T, d) from the first position and the recorded force, which is not heard before its time."""
@@ -75,10 +76,15 @@ def _told(shares: Mapping[Any, Array]) -> str:
     return " + ".join(f"{share:.2f} {name}" for share, name in ranked if share >= 0.05)
 
 
-def _by_rule(rule: Rule, learned: LearnedSkill, leak: Hmm | None, lesson: Demonstration) -> Array:
-    if rule.leak and leak is not None:
-        return velocity_of(leak, leaked(lesson), learned, rule.ridge)
-    return velocity_of(learned.model, lesson, learned, rule.ridge)
+def _by_rules(rules: Sequence[Rule], learned: LearnedSkill, leak: Hmm | None, lesson: Demonstration) -> list[Array]:
+    """(T, d) of each rule; those of one model share its states."""
+    found: dict[Rule, Array] = {}
+    for of_leak in (False, True):
+        some = [rule for rule in rules if (rule.leak and leak is not None) == of_leak]
+        if some:
+            model, heard = (leak, leaked(lesson)) if of_leak and leak is not None else (learned.model, lesson)
+            found |= zip(some, velocities_of(model, heard, learned, [rule.ridge for rule in some]), strict=True)
+    return [found[rule] for rule in rules]
 
 
 def foreseer(learned: LearnedSkill, lessons: Sequence[Demonstration], **fitting: Any) -> Foreseer:
@@ -101,7 +107,7 @@ def foreseer(learned: LearnedSkill, lessons: Sequence[Demonstration], **fitting:
         part_leak = None if leak is None else _again(leak, [with_leak[i].array(channels) for i in rest], fitting)
         unseen = ways_of(part, part_leak, [lessons[i] for i in rest])
         for i in out:
-            speeds[i] = np.stack([_by_rule(rule, part, part_leak, lessons[i]) for rule in rules])
+            speeds[i] = np.stack(_by_rules(rules, part, part_leak, lessons[i]))
             paths[i] = np.stack([way(lessons[i]) - lessons[i].position[0] for way in unseen.values()])
     by_rule = _weighed(rules, speeds, [x.velocity for x in lessons], axes_of(lessons[0]), 0.0)
     by_way = _weighed(list(ways), paths, [x.position - x.position[0] for x in lessons], axes_of(lessons[0]), DOUBT)

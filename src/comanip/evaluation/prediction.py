@@ -23,6 +23,7 @@ from .following import FREE_RUN as FREE_RUN
 from .following import frames_of, free_run, one_step_velocity
 from .foreseeing import Foreseer, foreseer
 from .takes import takes_of as takes_of
+from .ways import SKILLS
 from .yardsticks import MeanLesson, last_velocity, persistence_log_likelihood, standing_still
 
 
@@ -71,7 +72,8 @@ def predict(
     foresight  what was chosen on these lessons: velocity and path are its, and the skill's own figures stand beside
     """
     frames = frames_of(learned, lesson)
-    velocity, path = one_step_velocity(learned, lesson), free_run(learned, lesson)
+    velocity = one_step_velocity(learned, lesson)
+    path = free_run(learned, lesson) if foresight is None else foresight.ways[SKILLS](lesson)
     beside: dict[str, Any] = {}
     if foresight is not None:
         beside = {
