@@ -78,3 +78,12 @@ def test_channels_of_other_clocks_are_cut_at_the_same_times(tmp_path):
     first, second = read(tmp_path / "a.mcap", Columns(segment_by="part"))
     assert first["hand.force"].time[-1] < 0.5 <= second["hand.force"].time[0]
     assert len(first["hand.force"].time) + len(second["hand.force"].time) == 250
+
+
+def test_takes_that_each_begin_at_zero_are_cut_by_frames(tmp_path):
+    rows = [f"{k},{i / 100:.2f},{i * 0.001:.3f},{k}" for k in range(3) for i in range(50)]
+    (tmp_path / "a.csv").write_text("\n".join(["trial,t,z,Fz", *rows]))
+    pieces = read(tmp_path / "a.csv", Columns(segment_by="trial"))
+    assert [len(p["hand.position"].time) for p in pieces] == [50, 50, 50]
+    assert [p["hand.force"].values[0, 0] for p in pieces] == [0.0, 1.0, 2.0]
+    assert all(p["hand.position"].time[0] == 0.0 for p in pieces)

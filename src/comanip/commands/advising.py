@@ -41,6 +41,8 @@ def next_command(found: Checkup, files: Sequence[Path], data: DataFlags, columns
     if "doctor-force" in found.remedies:
         verb, end = "doctor-force", "-o clean.csv"
     elif any("force" not in lesson.signals for lesson in looked.lessons):
+        if (guessed := propose(files, data, columns) if columns else None) and "--force=" in guessed.command:
+            return guessed  # a force under a name of its own
         more = ["--no-force"]
     return Advice(" ".join(["comanip", verb, named(files), *given_flags(flags), *more, end]), _on_choices(looked))
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..errors import ComanipError, ParameterError, RecordingError
 from ..formats import read
-from ..formats.columns import Columns, split_columns
+from ..formats.columns import Columns, has_unit, split_columns
 from ..formats.mapping_file import mapping_file
 from ..interaction import Payload
 from ..lessons.demonstration import Demonstration, Preparation, demonstrations
@@ -108,6 +108,7 @@ def reader_of(
     """(reader, channels, period [s]) for shards: Parquet by the columns that the flags name, other formats as always."""
     groups = ("position", "force", "velocity") if with_force else ("position", "velocity")
     prepared = any(getattr(flags, name) not in (None, False) for name in PREPARED)
+    prepared = prepared or any(has_unit(getattr(flags, group) or "") for group in groups)
     if prepared or not flags.position or not all(p.endswith(".parquet") for p in paths):
         rate = flags.rate_hz or next((r for f in files if (r := rate_of(f))), None)
         flags, preparation = replace(flags, rate_hz=rate), preparation_of(flags)

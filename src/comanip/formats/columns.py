@@ -175,6 +175,11 @@ def with_units(columns: Columns, available: Iterable[str], where: str) -> Column
     return replace(columns, **changes)
 
 
+def has_unit(expressions: str) -> bool:
+    """Whether a unit stands behind any of the expressions, "x [mm],y [mm]"."""
+    return any(_UNIT_AFTER.fullmatch(one) for one in split_columns(expressions))
+
+
 def _unit_after(expression: str, kind: str, names: set[str]) -> tuple[str, str]:
     match = _UNIT_AFTER.fullmatch(expression)
     if match is None or sign_and_name(expression, names)[1] in names:
@@ -201,7 +206,7 @@ def unit_in(header: str) -> tuple[str, str]:
     """("z", "mm") from "z [mm]", "z (mm)" or "z_mm"; the unit is "" when the header states none."""
     for pattern in (
         r"^(.*?)\s*[\[(]\s*([^\])]*)\s*[\])]$",
-        r"^(.+?)_((?:mm|cm|m|deg|rad)_s|mm|cm|m|ms|us|ns|deg|rad|mn|kn|n|kgf|gf)$",
+        r"^(.+?)_((?:mm|cm|m|deg|rad)_s|mm|cm|m|ms|us|ns|deg|rad|mn|kn|n|kgf|gf|lbf)$",
     ):
         match = re.match(pattern, header.strip(), re.IGNORECASE)
         if match:

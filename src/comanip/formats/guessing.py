@@ -29,9 +29,11 @@ _KINDS = {
     "weg cartesian coord coords",
 }
 _WORDS = {word: kind for kind, words in _KINDS.items() for word in words.split()}
+_UNITS = {FORCE: {"N", "mN", "kN", "gf", "kgf", "lbf"}, TORQUE: {"N m", "mN m"}, VELOCITY: {"m/s", "cm/s", "mm/s"},
+          POSITION: {"m", "cm", "mm"}, TURN: {"rad", "deg"}, TURN_RATE: {"rad/s", "deg/s"}}  # fmt: skip
 _HINGES = {"knee", "elbow", "shoulder", "wrist", "hip", "ankle"}  # turn, unless the name has an axis: wrist_x is a place
 _TURN_RATES = {"dq", "qd", "angvel"}
-_ORDER = tuple(_KINDS)
+_ORDER = (*_KINDS, TURN_RATE)
 _HAND = set(
     "ee eef tcp tool hand handle effector end object baton ext external user human interaction actual measured comp compensated "
     "filtered filt person".split()
@@ -125,18 +127,26 @@ def words_of(name: str) -> list[str]:
 
 def time_column(columns: Sequence[Column]) -> Column | None:
     """Stamps: a column that only grows, in steps that are alike, under a name that says time; else none."""
-    named = set(TIME_NAMES) | {"stamp", "clock", "elapsed", "tout", "zeit", "ms", "us", "ns", "nsec", "secs", "temps", "tiempo"}
+    named = set(TIME_NAMES) | {"stamp", "clock", "elapsed", "tout", "zeit", "ms", "us", "ns", "nsec", "secs", "temps", "tiempo",
+                                "when", "date", "datetime"}  # fmt: skip
     growing = [c for c in columns if _grows(c.values)]
-    hits = [c for c in growing if named & {*words_of(c.name), "".join(words_of(c.name)), re.sub(r"[^a-z]", "", c.name.lower())}]
+    hits = [
+        c
+        for c in columns
+        if _grows(c.values, restarts=0.01)
+        and named & {*words_of(c.name), "".join(words_of(c.name)), re.sub(r"[^a-z]", "", c.name.lower())}
+    ]
     if hits:
         return min(hits, key=lambda c: len(c.name))  # "scope.time" before "env_est2.time"
     nameless = [c for c in growing if c.place == 0 or c.name.isdigit()]  # a table without header begins with its stamps
     return next((c for c in nameless if 0.0 < np.median(np.diff(c.values)) < _LONGEST_STEP_S), None)
 
 
-def _grows(values: Array) -> bool:
+def _grows(values: Array, restarts: float = 0.0) -> bool:
+    """Whether it only grows, but for a share of `restarts`: takes below each other that each begin at 0."""
     steps = np.diff(values)
-    return len(steps) > 2 and bool(np.isfinite(steps).all() and (steps >= 0.0).all() and (steps > 0.0).mean() > 0.9)
+    fine = len(steps) > 2 and bool(np.isfinite(steps).all())
+    return fine and bool((steps < 0.0).mean() <= restarts and (steps > 0.0).mean() > 0.9)
 
 
 def _by_name(columns: Sequence[Column], *, states: bool = False) -> dict[str, list[Column]]:
@@ -188,6 +198,7 @@ def _read(column: Column, vector: Sequence[Column], states: bool) -> tuple[str, 
     stem = frozenset(w for w in words if w not in _WORDS and w not in _AXES and not w.isdigit())
     if len(vector) == 16 and (at := _in_matrix(vector)):
         return (POSITION, "xyz"[at.index(column.place)], stem) if column.place in at else None
+    kinds = kinds or [kind for kind, units in _UNITS.items() if column.unit in units]
     if not kinds or "other" in kinds:
         return None
     kind = min(kinds, key=_ORDER.index)

@@ -1,7 +1,7 @@
 """HDF5: robomimic's demonstrations, MATLAB's .mat of version 7.3, any file of plain arrays; and our own, exact.
 
-Names are paths: "obs/robot0_eef_pos[2]" is the third column of a dataset. A file with groups data/demo_0, data/demo_1 ... holds
-one recording each, and names begin below them.
+Names are paths: "obs/robot0_eef_pos[2]" is the third column of a dataset. A file with groups data/demo_0, data/demo_1 ...
+(or episode_0, trial_1 ...) holds one recording each, and names begin below them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MAX_BYTES = 256 << 20
 MAX_DATASETS = 20_000
 VERSION = 1
 OURS = "comanip"
-_DEMO = re.compile(r"^data/demo_?(\d+)/(.+)$")
+_DEMO = re.compile(r"^(?:data/)?(?:demo|episode|traj(?:ectory)?|trial|take|run)_?(\d+)/(.+)$")
 _PART = re.compile(r"^(.*?)\[([^\]]+)\]$")
 # robosuite's and robomimic's names for what a hand does; its quaternions are x, y, z, w
 _HAND = {

@@ -114,6 +114,10 @@ def _expressions(source: Source) -> Iterator[str]:
 def _parts(name: str, unit: str, values: Array) -> Iterator[Column]:
     """The columns of one array; time is its longer dimension. What lies in one struct goes together."""
     clock = f"{name.partition('.')[0] if _STRUCT.match(name) else ''} {max(values.shape, default=0)}"
+    if values.ndim == 3 and values.shape[2] <= _WIDEST < values.shape[1]:  # takes side by side: the first
+        for i in range(values.shape[2]):
+            yield Column(f"{name}[0,:,{i}]", unit, values[0, :, i], str(values.shape[1]), name, i)
+        return
     if values.ndim <= 1 or min(values.shape) > _WIDEST or values.ndim > 2:
         yield Column(name, unit, values.reshape(-1), clock)
         return

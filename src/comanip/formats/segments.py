@@ -37,18 +37,23 @@ def _parts(segment_by: Sequence[str]) -> list[tuple[str, float | None]]:
 def segments(recording: Recording, segment_by: Sequence[str]) -> list[Recording]:
     """Pieces of the recording in which all labels stay as they are, in order, of the values that are wanted.
 
-    A piece lasts up to the first frame with another label; every channel is cut at the same times.
+    A piece lasts up to the first frame with another label. Channels with the stamps of the labels are cut at the same frames, so
+    that each take may begin at 0; others at the same times.
     """
     parts = _parts(segment_by)
     labels, rest = recording[LABELS], {n: c for n, c in recording.channels.items() if n != LABELS}
     values, time = np.nan_to_num(labels.values, nan=np.inf), labels.time
     cuts = [0, *(np.flatnonzero((values[1:] != values[:-1]).any(axis=1)) + 1).tolist(), len(time)]
+    beside = {name for name, channel in rest.items() if np.array_equal(channel.time, time)}
     found: list[Recording] = []
     for low, high in pairwise(cuts):
         if any(want is not None and value != want for (_, want), value in zip(parts, values[low], strict=True)):
             continue
         until = time[high] if high < len(time) else np.inf
-        pieces = {name: _within(channel, time[low], until) for name, channel in rest.items()}
+        pieces = {
+            name: _within(channel, slice(low, high) if name in beside else _between(channel, time[low], until))
+            for name, channel in rest.items()
+        }
         told = " ".join(f"{name}={value:g}" for (name, _), value in zip(parts, values[low], strict=True))
         found.append(_piece(recording, {n: c for n, c in pieces.items() if len(c.time)}, f"[{len(found)}] {told}"))
     if not found:
@@ -62,8 +67,11 @@ def _few(values: Array) -> str:
     return ", ".join(shown[:12]) + (" ..." if len(shown) > 12 else "")
 
 
-def _within(channel: Channel, begin: float, until: float) -> Channel:
-    rows = (channel.time >= begin) & (channel.time < until)
+def _between(channel: Channel, begin: float, until: float) -> np.ndarray:
+    return np.asarray((channel.time >= begin) & (channel.time < until))
+
+
+def _within(channel: Channel, rows: np.ndarray | slice) -> Channel:
     return replace(channel, time=channel.time[rows], values=channel.values[rows])
 
 
