@@ -20,6 +20,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 from comanip.errors import ComanipError
 from comanip.formats import read, write
 from comanip.formats.columns import Columns
+from comanip.formats.guessing import guess
+from comanip.formats.listing import listed
+from comanip.formats.looking import look
 from lifts import lift
 
 FORMATS = ("mcap", "foreign mcap", "db3", "bag", "parquet", "lerobot", "hdf5", "csv", "topics", "toml")
@@ -112,6 +115,10 @@ def _one(kind: str, target: Path, number: int, slowest: float, refused: int) -> 
                 from comanip.formats.mapping_file import mapping_file
 
                 mapping_file(target)
+            elif number % 4 == 2:
+                seen = look(target)
+                listed(seen)
+                guess(seen, stamped=False)
             else:
                 read(target, columns, recover=number % 4 == 3)
         except ComanipError as error:

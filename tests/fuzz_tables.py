@@ -24,6 +24,8 @@ import numpy as np
 
 from comanip.errors import ComanipError
 from comanip.formats import Columns, read, write
+from comanip.formats.guessing import guess
+from comanip.formats.looking import look
 from comanip.lessons.demonstration import demonstrations
 from lifts import lift
 
@@ -144,6 +146,7 @@ def altered(data: bytes, rng: np.random.Generator) -> bytes:
 def answer(path: Path, columns: Columns) -> str:
     """ "read" or "refused" for what a reader and the checks may say; everything else is raised."""
     try:
+        guess(look(path), stamped=False)  # what `inspect` does with a file that nobody described
         demonstrations(read(path, columns))
     except ComanipError as error:
         if "\n" in str(error):

@@ -85,3 +85,17 @@ def test_a_bias_of_each_take_is_taken_off_and_none_is_left_alone(lessons):
     assert found.tare
     assert "taken off" in str(found)
     assert not choose_tare(clean, clean, n_states=6).tare
+
+
+def test_a_lesson_is_judged_by_models_that_have_not_seen_it(lessons, monkeypatch):
+    learned_from, real = [], choosing.learn
+    monkeypatch.setattr(choosing, "learn", lambda some, **k: learned_from.append({id(x) for x in some}) or real(some, **k))
+    losses(lessons["leader"][:3], n_states=3)
+    assert [[id(x) in some for some in learned_from].count(False) for x in lessons["leader"][:3]] == [1, 1, 1]
+
+
+def test_one_lesson_in_which_next_to_nothing_moves_cannot_choose_for_all(lessons):
+    still = lessons["leader"][3]
+    signals = {**still.signals, "velocity": 1e-9 * still.velocity, "position": 1e-9 * still.position}
+    found = losses([*lessons["leader"][:3], replace(still, signals=signals, signal_axes={})], n_states=4)
+    assert found[3] == choosing.WORST

@@ -155,3 +155,21 @@ def test_of_one_lesson_no_roll_out_is_used_and_of_two_all_heads_weigh_the_same(s
     three = forecaster(skills["follower"], lessons["follower"][:3])
     assert any(np.ptp(mixture.weights) > 0.0 for mixture in three.mixtures)
     assert all((mixture.weights >= 0.0).all() for mixture in three.mixtures)
+
+
+def test_a_penalty_is_a_frame_s_and_not_a_lesson_s():
+    """The same lessons with every frame five times over say nothing new: slopes stay as they are."""
+    rng = np.random.default_rng(4)
+    seen = [rng.normal(size=(30, 3, 1)) for _ in range(3)]
+    truth = [x[:, 0] + 2.0 * rng.normal(size=(30, 1)) for x in seen]
+    once, _ = heads.fitted(True, seen, truth, [[0]], [3])
+    often, _ = heads.fitted(True, [np.repeat(x, 5, axis=0) for x in seen], [np.repeat(y, 5, axis=0) for y in truth], [[0]], [3])
+    assert often.gains == pytest.approx(once.gains, rel=1e-9)
+
+
+def test_every_start_whose_end_is_recorded_counts_up_to_the_last_frame(lessons):
+    lesson = lessons["leader"][0]
+    steps = round(0.25 / lesson.dt)
+    rows = [r for r in heads.rows_of(lesson) if r + steps <= len(lesson) - 1]
+    cut = replace(lesson, signals={n: v[: rows[-1] + steps + 1] for n, v in lesson.signals.items()})
+    assert len(forecasting._beyond(cut, 0.25)) == len(rows)

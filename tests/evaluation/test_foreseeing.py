@@ -131,3 +131,66 @@ def test_a_mass_in_a_damper_is_foreseen_exactly_by_its_answers(lessons, spring):
         made.append(replace(lessons["leader"][0], name=f"{i}", axes=("x", "y"), signals=signals, signal_axes={}))
     path = ways.answering(made[:2], spring)(made[2])
     assert np.abs(path - made[2].position).max() < 0.01 * np.abs(made[2].position).max()
+
+
+def test_a_ridge_is_a_share_of_the_inputs_own_variance_in_any_unit(lessons):
+    """Forces a thousand times as large, in a model learned from them: the same velocity at every ridge, another at each."""
+    large = [replace(x, signals={**x.signals, "force": 1e3 * x.force}) for x in lessons["follower"][:4]]
+    one, other = learn(lessons["follower"][:4], n_states=4), learn(large, n_states=4)
+    ridges = [0.0, 0.05, 0.2]
+    said = foreseeing.velocities_of(one.model, lessons["follower"][3], one, ridges)
+    again = foreseeing.velocities_of(other.model, large[3], other, ridges)
+    for a, b in zip(said, again, strict=True):
+        assert b == pytest.approx(a, abs=1e-4)
+    assert np.abs(said[1] - said[0]).max() > 1e-3
+    by_rule = foreseeing._by_rules([Rule(False, r) for r in ridges], one, None, lessons["follower"][3])
+    assert all((a == b).all() for a, b in zip(by_rule, said, strict=True))
+
+
+def test_what_weighs_ways_has_not_seen_the_lesson_and_doubt_is_of_lessons(lessons, monkeypatch):
+    taught, real = [], foreseeing.ways_of
+    monkeypatch.setattr(foreseeing, "ways_of", lambda a, b, some: taught.append({id(x) for x in some}) or real(a, b, some))
+    some = lessons["follower"][:4]
+    learned = learn(some, n_states=4)
+    doubted = foreseer(learned, some).weights
+    assert [[id(x) in one for one in taught].count(False) for x in some] == [
+        1,
+        1,
+        1,
+        1,
+    ]  # all ways once on all, once without each
+    monkeypatch.setattr(foreseeing, "DOUBT", 0.0)
+    sure = foreseer(learned, some).weights
+    assert sum(w.sum() for w in doubted.values()) < sum(w.sum() for w in sure.values())
+
+
+def test_the_skills_own_way_is_of_each_lesson_its_own(lessons):
+    way = ways.the_skills(learn(lessons["follower"][:3], n_states=4))[ways.SKILLS]
+    assert not np.array_equal(way(lessons["follower"][4])[:200], way(lessons["follower"][5])[:200])
+
+
+def test_a_bias_of_the_force_moves_nothing_where_place_comes_from_pushes(lessons):
+    way, lesson = ways.pushed(lessons["follower"][:3], True), lessons["follower"][4]
+    biased = replace(lesson, signals={**lesson.signals, "force": lesson.force + 5.0})
+    assert way(biased) == pytest.approx(way(lesson), abs=1e-9)
+
+
+def test_a_hand_that_answers_ever_faster_in_lessons_does_not_run_away(lessons):
+    """v grows by 2 % a frame in every lesson: after a push, what was learned goes on, but not faster and faster."""
+    made = []
+    for x in lessons["follower"][:3]:
+        v = (1e-3 * 1.02 ** np.arange(200))[:, None]
+        signals = {"position": 0.01 * np.cumsum(v, axis=0), "velocity": v, "force": np.full((200, 1), 1e-3)}
+        made.append(replace(x, signals=signals, signal_axes={}))
+    force = np.where(np.arange(200)[:, None] < 5, 1e-3, 0.0)
+    went = ways.answering(made, False)(replace(made[0], signals={**made[0].signals, "force": force}))
+    speeds = np.abs(np.diff(went[:, 0]))[30:]
+    assert speeds[0] > 0.0
+    assert (np.diff(speeds) <= 1e-15).all()
+
+
+def test_force_that_sets_in_behind_the_motion_gives_no_onset(lessons):
+    one = lessons["leader"][0]
+    begins = int(np.argmax(np.abs(one.position - one.position[0]).max(axis=1) > 0.05 * np.ptp(one.position)))
+    pushed = np.where(np.arange(len(one))[:, None] > begins + 30, 5.0, 0.0)
+    assert ways.begins([replace(one, signals={**one.signals, "force": pushed})]) == START

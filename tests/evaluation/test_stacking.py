@@ -70,3 +70,29 @@ def test_pieces_of_one_take_are_in_one_fold(lessons):
     assert sorted(i for fold in folds for i in fold) == list(range(6))
     assert any({0, 1} <= set(fold) for fold in folds)
     assert any({4, 5} <= set(fold) for fold in folds)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_weights_of_guesses_that_resemble_each_other_leave_nothing_to_gain(seed):
+    """The conditions of Karush, Kuhn and Tucker: no slope at weights above zero, none downhill at those that are zero."""
+    rng = np.random.default_rng([7, seed])
+    a = rng.normal(size=(30, 1)) + 0.2 * rng.normal(size=(30, 9))
+    square, cross = a.T @ a, a.T @ (a @ rng.normal(size=9) + rng.normal(size=30))
+    found = nonnegative(square, cross)
+    slope = square @ found - cross
+    assert (found >= 0.0).all()
+    assert slope.min() > -1e-6 * np.abs(cross).max()
+    assert slope[found > 0.0] == pytest.approx(0.0, abs=1e-6 * np.abs(cross).max())
+
+
+def test_doubt_is_the_error_of_one_lesson_however_many_there_are():
+    """w of one guess: w ← Σ gy / (Σ gg + doubt · mean error), three rounds; means over frames, sums over lessons."""
+    rng = np.random.default_rng(3)
+    guesses = [rng.normal(size=(1, 50, 1)) for _ in range(4)]
+    truth = [g[0] + rng.normal(size=(50, 1)) for g in guesses]
+    gg, gy = (sum(float((g[0] * x).mean()) for g, x in zip(guesses, xs, strict=True)) for xs in ([g[0] for g in guesses], truth))
+    w = gy / gg
+    for _ in range(3):
+        wrong = np.mean([float(((w * g[0] - y) ** 2).mean()) for g, y in zip(guesses, truth, strict=True)])
+        w = gy / (gg + 3.0 * wrong)
+    assert weights(guesses, truth, 3.0) == pytest.approx([w], rel=1e-6)

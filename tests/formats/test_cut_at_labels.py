@@ -87,3 +87,10 @@ def test_takes_that_each_begin_at_zero_are_cut_by_frames(tmp_path):
     assert [len(p["hand.position"].time) for p in pieces] == [50, 50, 50]
     assert [p["hand.force"].values[0, 0] for p in pieces] == [0.0, 1.0, 2.0]
     assert all(p["hand.position"].time[0] == 0.0 for p in pieces)
+
+
+def test_frames_without_a_label_are_one_piece_of_their_own_and_not_one_a_frame(tmp_path):
+    labels = ["1"] * 20 + ["nan"] * 20 + ["2"] * 20
+    rows = [f"{i / 100:.2f},{i * 0.001:.3f},0,{label}" for i, label in enumerate(labels)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,z,Fz,trial", *rows]))
+    assert [len(p["hand.position"].time) for p in read(tmp_path / "a.csv", Columns(segment_by="trial"))] == [20, 20, 20]
