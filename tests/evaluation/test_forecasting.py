@@ -12,6 +12,7 @@ from comanip.evaluation import forecasting, heads
 from comanip.evaluation.forecasting import HORIZONS_S, Forecaster, Mixture, forecaster, roll_outs
 from comanip.evaluation.heads import RIDGE, Head, history
 from comanip.learned.skill import learn
+from comanip.models.hmm import Hmm
 
 
 @pytest.fixture(scope="module")
@@ -173,3 +174,32 @@ def test_every_start_whose_end_is_recorded_counts_up_to_the_last_frame(lessons):
     rows = [r for r in heads.rows_of(lesson) if r + steps <= len(lesson) - 1]
     cut = replace(lesson, signals={n: v[: rows[-1] + steps + 1] for n, v in lesson.signals.items()})
     assert len(forecasting._beyond(cut, 0.25)) == len(rows)
+
+
+def _model(means, transition):
+    """Two phases at one place without force, of different velocity, so sharp that the velocity says which it is."""
+    channels = ("position.z", "force.z", "velocity.z")
+    centres = np.array([[0.0, 0.0, v] for v in means])
+    covariances = np.tile(np.diag([1.0, 1.0, 1e-4]), (len(means), 1, 1))
+    return Hmm(np.eye(len(means))[0], np.array(transition), centres, covariances, channels)
+
+
+def _moving(lesson, speed, frames=200):
+    signals = {"position": np.zeros((frames, 1)), "force": np.zeros((frames, 1)), "velocity": np.full((frames, 1), speed)}
+    return replace(lesson, signals=signals, signal_axes={})
+
+
+def test_what_the_hand_is_faster_than_its_model_fades_over_0_3_s(lessons):
+    lesson = _moving(lessons["leader"][0], 0.01)
+    ahead = roll_outs(_model([0.0], [[1.0]]), lesson)
+    for horizon, found in zip(HORIZONS_S, ahead[:, 5, 0], strict=True):
+        steps = np.arange(round(horizon / lesson.dt))
+        assert found == pytest.approx(lesson.dt * 0.01 * np.exp(-lesson.dt * steps / 0.3).sum() - horizon * 0.01, rel=1e-6)
+
+
+def test_states_move_on_by_the_chain_while_nothing_is_seen(lessons):
+    lesson = _moving(lessons["leader"][0], 0.0)
+    ahead = roll_outs(_model([0.0, 0.5], [[0.9, 0.1], [0.0, 1.0]]), lesson)
+    for horizon, found in zip(HORIZONS_S, ahead[:, 5, 0], strict=True):
+        steps = np.arange(round(horizon / lesson.dt))
+        assert found == pytest.approx(lesson.dt * 0.5 * (1.0 - 0.9**steps).sum(), rel=1e-3)

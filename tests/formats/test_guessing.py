@@ -56,6 +56,19 @@ def test_where_the_hand_is_measured_goes_before_where_it_was_told_to_be():
     assert found.signals == {"position": ("ee_pos_z",), "force": ("filtered_force_z",)}
 
 
+def test_what_was_commanded_or_is_raw_is_taken_where_there_is_nothing_else():
+    named = columns(t=T, target_pos_z=X[:, 2], pos_z=X[:, 2], force_z_raw=F[:, 2], force_z=F[:, 2])
+    assert guess(named, stamped=False).signals == {"position": ("pos_z",), "force": ("force_z",)}
+    alone = guess(columns(t=T, target_pos_z=X[:, 2], force_z_raw=F[:, 2]), stamped=False)
+    assert alone.signals == {"position": ("target_pos_z",), "force": ("force_z_raw",)}
+
+
+def test_a_column_that_happens_to_derive_from_another_far_from_it_makes_no_table():
+    noise = RNG.normal(size=len(T))
+    found = guess(columns(**{"0": T, "1": X[:, 0], "2": noise, "3": V[:, 0]}), stamped=False)
+    assert found.why.startswith("by their order alone")
+
+
 def test_a_turn_goes_with_its_torque_and_not_with_a_force():
     named = columns(t=T, elbow_angle=X[:, 2], elbow_speed=V[:, 2], grip_force=F[:, 0], elbow_torque=F[:, 2])
     found = guess(named, stamped=False)
@@ -250,3 +263,12 @@ def test_entries_of_arrays_in_a_bag_take_one_set_of_axes(tmp_path):
     assert lesson.axes == ("x", "y", "z")
     with pytest.raises(ChannelError, match="different axes"):
         demonstrations(read(tmp_path / "bag", Columns(position="/log.data[0:3]", force="/log.data[3:5]")))
+
+
+def test_axes_that_are_called_by_their_names_are_never_renamed(tmp_path):
+    pytest.importorskip("rosbags")
+    import bags
+
+    bags.write_folder(tmp_path / "bag", bags.lifting(duration=1.0))
+    with pytest.raises(ChannelError, match=r"different axes \(position: z; force: x\)"):
+        demonstrations(read(tmp_path / "bag", Columns(position="/ee_pose.pose.position.z", force="/ft.wrench.force.x")))

@@ -106,6 +106,49 @@ def test_a_force_that_nothing_links_to_the_motion_is_not_explained():
     assert np.isnan(found.offset.value)
 
 
+def stroke(force, *, late_s=0.0, noise_m=0.0, noise_v=None, noise_n=0.05, seed=3):
+    """One short stroke, as people record it: position, force, and velocity only with a `noise_v`."""
+    rng, t = np.random.default_rng(seed), np.arange(500) * 0.01
+
+    def at(time):
+        u = np.clip((time - 1.2) / 2.3, 0.0, 1.0)
+        rows = (u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2 / 2.3, 60 * u * (1 - u) * (1 - 2 * u) / 2.3**2)
+        return [0.3 * row[:, None] for row in rows]
+
+    x, v, _ = at(t)
+    channels = {
+        "hand.position": Channel(t, x + noise_m * rng.normal(size=x.shape), "m", "task", ("z",)),
+        "hand.force": Channel(t, force(*at(t - late_s)) + noise_n * rng.normal(size=x.shape), "N", "task", ("z",)),
+    }
+    if noise_v is not None:
+        channels["hand.velocity"] = Channel(t, v + noise_v * rng.normal(size=v.shape), "m/s", "task", ("z",))
+    return demonstration(Recording(channels, {"name": "stroke"}))
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("recorded", [{"noise_m": 1e-4}, {"noise_m": 1e-4, "noise_v": 1e-3}])
+def test_the_lead_of_a_force_that_moves_a_mass_is_no_clock_that_is_off(recorded, seed):
+    """2 kg and 18 N s/m: to first order a force that comes 111 ms early."""
+    found = admittance(stroke(lambda x, v, a: 2.0 * a + 18.0 * v, seed=seed, **recorded))
+    assert found.explains
+    assert not found.offset_known or abs(found.offset.value) < max(0.02, 3.0 * found.offset.error)
+    assert "M" in found.terms.split()
+    assert found.inertia[0].value == pytest.approx(2.0, abs=max(0.4, 3.0 * found.inertia[0].error))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_force_that_comes_late_cannot_be_a_mass_s_and_is_said(seed):
+    found = admittance(stroke(lambda x, v, a: 18.0 * v, late_s=0.08, noise_m=1e-4, seed=seed))
+    assert found.offset_known
+    assert found.offset.value == pytest.approx(0.08, abs=0.01)
+
+
+def test_force_and_a_derived_velocity_pass_one_low_pass():
+    """Without noise the law is exact, whether velocity was recorded or derived."""
+    found = admittance(stroke(lambda x, v, a: 2.0 * a + 18.0 * v, noise_n=0.0), offsets=False)
+    assert (found.terms, found.r2 > 0.9999) == ("M D", True)
+
+
 def test_noise_in_the_acceleration_is_told():
     clean, noisy = (admittance(lesson(lambda x, v, a: 2.0 * a, noise_v=n)) for n in (0.0, 0.4))
     assert clean.noise_share[0] < 0.01 < 0.1 < noisy.noise_share[0]
