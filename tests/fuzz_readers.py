@@ -21,8 +21,7 @@ from comanip.errors import ComanipError
 from comanip.formats import read, write
 from comanip.formats.columns import Columns
 from comanip.formats.guessing import guess
-from comanip.formats.listing import listed
-from comanip.formats.looking import look
+from comanip.formats.listing import listed, look
 from lifts import lift
 
 FORMATS = ("mcap", "foreign mcap", "db3", "bag", "parquet", "lerobot", "hdf5", "csv", "topics", "toml")

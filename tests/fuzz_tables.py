@@ -25,7 +25,7 @@ import numpy as np
 from comanip.errors import ComanipError
 from comanip.formats import Columns, read, write
 from comanip.formats.guessing import guess
-from comanip.formats.looking import look
+from comanip.formats.listing import look
 from comanip.lessons.demonstration import demonstrations
 from lifts import lift
 

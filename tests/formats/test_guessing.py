@@ -10,7 +10,7 @@ import pytest
 from comanip.errors import ChannelError
 from comanip.formats import Columns, read, write
 from comanip.formats.guessing import guess, labels, time_column, words_of
-from comanip.formats.looking import Column, look
+from comanip.formats.listing import Column, look
 from comanip.lessons.demonstration import demonstrations
 from lifts import lift
 

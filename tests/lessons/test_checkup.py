@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from comanip.formats.listing import listed
-from comanip.formats.looking import look
+from comanip.formats.listing import listed, look
 from comanip.learned.skill import learn
 from comanip.lessons.checkup import STOPS, SUSPICIOUS, checkup, stretches
 from comanip.recording import Channel, Recording

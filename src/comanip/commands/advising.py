@@ -15,7 +15,7 @@ from .reading import preparation_of, read_recordings
 
 if TYPE_CHECKING:
     from ..formats.guessing import Guess
-    from ..formats.looking import Column
+    from ..formats.listing import Column
     from ..lessons.checkup import Checkup
 
 _TRIES = 8

@@ -23,7 +23,7 @@ from .units import slope_scale, unit_of
 from .words import explained
 
 if TYPE_CHECKING:
-    from ..formats.looking import Column
+    from ..formats.listing import Column
 
 _RANKS = ("refused", "suspicious", "told")
 
@@ -89,7 +89,7 @@ def _own_table(recordings: Sequence[Recording]) -> bool:
 
 
 def _columns(file: Path, data: DataFlags) -> tuple[Column, ...]:
-    from ..formats.looking import look
+    from ..formats.listing import look
 
     mapped = data.mapping is not None or any((data.position, data.velocity, data.force, data.sensor_force))
     return () if mapped or not file.exists() else look(file)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..interfaces import Array
 from .columns import TIME_NAMES, unit_in
-from .looking import Column
+from .listing import Column
 
 FORCE, TORQUE, VELOCITY, POSITION, TURN, TURN_RATE = "force", "torque", "velocity", "position", "turn", "turn rate"
 # what a word of a name says the column is; the first kind with a word wins, so that "force_pos" is no position
