@@ -8,7 +8,7 @@ import random
 import subprocess
 import sys
 import tempfile
-import time
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -17,23 +17,17 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from comanip.page.export import write_page
 from comanip.teaching import ROLES
 from comanip.trials.taught import taught
-from page.browser import browser, opened, teach, wait
+from page.browser import browser, opened, teach
 
 
 def kept(tab: Any, folder: Path, kind: str) -> list[Path]:
     """What "Keep all" keeps, as files."""
-    files: list[Path] = []
-    want = tab.evaluate("comanip.teach.lessons.length")
-    one = lambda download: files.append(folder / download.suggested_filename) or download.save_as(files[-1])  # noqa: E731
-    tab.on("download", one)
-    tab.click(f"#teach button:has-text('Keep all as {kind}')")
-    for _ in range(200):
-        if len(files) >= want:
-            break
-        wait(tab, 0.05)
-        time.sleep(0.02)
-    tab.remove_listener("download", one)
-    return sorted(files)
+    with tab.expect_download() as one:
+        tab.click(f"#teach button:has-text('Keep all as {kind}')")
+    one.value.save_as(folder / f"{kind}.zip")
+    with zipfile.ZipFile(folder / f"{kind}.zip") as bundled:
+        bundled.extractall(folder)
+        return sorted(folder / name for name in bundled.namelist())
 
 
 def main(partners: int, seed: int, task: str) -> None:

@@ -238,10 +238,13 @@ def test_names_with_markup_are_text_and_a_damaged_skill_is_one_line(
 def test_lessons_taught_there_are_kept_opened_again_and_learned_from(one: Any, file: Path, tmp_path: Path) -> None:
     with opened(one, file) as tab:
         teach(tab, "leader", 1, random.Random(7))
-        for label, suffix in (("Keep all as CSV", ".csv"), ("Keep all as MCAP", ".mcap")):
+        for suffix in (".csv", ".mcap"):
             with tab.expect_download() as kept:
-                tab.click(f"#teach button:has-text('{label}')")
-            kept.value.save_as(tmp_path / f"<img src=x>lesson{suffix}")
+                tab.click(f"#teach button:has-text('Keep all as {suffix[1:].upper()}')")
+            kept.value.save_as(tmp_path / "lessons.zip")
+            with zipfile.ZipFile(tmp_path / "lessons.zip") as bundled:
+                assert bundled.namelist() == [f"leader-1{suffix}"]
+                (tmp_path / f"<img src=x>lesson{suffix}").write_bytes(bundled.read(f"leader-1{suffix}"))
             (recording,) = read(tmp_path / f"<img src=x>lesson{suffix}")
             assert recording.metadata["role"] == "leader"
             (demonstration,) = demonstrations([recording], rate_hz=100.0)

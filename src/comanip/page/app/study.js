@@ -1,7 +1,7 @@
 // A study on the page: laws in a blind, counterbalanced order from a seed; practice, trials, two questions after each, one file at
 // the end. Nothing is sent anywhere; whoever takes part may stop at any time and keep what there is, or nothing.
 
-import { download } from "./files.js";
+import { download, plain } from "./files.js";
 import { mcapOf, zipOf } from "./mcap.js";
 import { recordingOf } from "./recordings.js";
 import { KEPT } from "./session.js";
@@ -177,8 +177,6 @@ export class Study {
     panel.append(row);
   }
 }
-
-function plain(name) { return name.replace(/[^\w-]+/g, "-").slice(0, 60); }
 
 function field(label, type, value) {
   const one = element("label", "field", label), input = document.createElement("input");

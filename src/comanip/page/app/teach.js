@@ -2,8 +2,8 @@
 
 import { asking, chances } from "./session.js";
 import { COLOURS, fitted } from "./scene.js";
-import { download, tell } from "./files.js";
-import { mcapOf, readMcap } from "./mcap.js";
+import { download, each, plain, tell } from "./files.js";
+import { mcapOf, readMcap, zipOf } from "./mcap.js";
 import { csvOf, lessonOf, readCsv, recordingOf, within } from "./recordings.js";
 
 const LESSONS = 5, SHORTEST_S = 1.0, MOST_KEPT = 60;
@@ -43,8 +43,8 @@ export class Teach {
     }
     this.says = element("span", "soft");
     this.says.setAttribute("role", "status");
-    this.asCsv = this.button("Keep all as CSV", () => this.keep("csv"));
-    this.asMcap = this.button("Keep all as MCAP", () => this.keep("mcap"));
+    this.asCsv = this.button("Keep all as CSV (ZIP)", () => this.keepAll("csv"));
+    this.asMcap = this.button("Keep all as MCAP (ZIP)", () => this.keepAll("mcap"));
     this.roles.append(this.asCsv, this.asMcap, this.says);
     this.list = element("div", "lessons");
     this.list.style.marginTop = ".8rem";
@@ -99,11 +99,15 @@ export class Teach {
     return recordingOf(this.page.config.task, cut, { name: lesson.name, role: lesson.role, lesson: lesson.n, robot: lesson.role === "leader" ? "scripted: minimum jerk, gives way" : "scripted: mass-damper" });
   }
 
-  keep(kind) {
-    for (const lesson of this.lessons) {
-      if (kind === "csv") download(`${lesson.name}.csv`, csvOf(this.kept(lesson)), "text/csv");
-      else download(`${lesson.name}.mcap`, mcapOf(this.kept(lesson), this.page.config.task.schemas), "application/octet-stream");
-    }
+  // In one file: browsers lose some of many downloads in silence, Chromium from the eleventh on.
+  keepAll(kind) {
+    const names = each(this.lessons.map(lesson => plain(lesson.name)));
+    download(`comanip-lessons-${kind}.zip`, zipOf(this.lessons.map((lesson, n) => [`${names[n]}.${kind}`, this.bytes(lesson, kind)])), "application/zip");
+  }
+
+  bytes(lesson, kind) {
+    const recording = this.kept(lesson);
+    return kind === "csv" ? new TextEncoder().encode(csvOf(recording)) : mcapOf(recording, this.page.config.task.schemas);
   }
 
   refresh() {
@@ -139,9 +143,8 @@ export class Teach {
       return one;
     };
     trim.append(bound("Beginning", "from", true), bound("End", "to", false));
-    row.append(name, this.button("▶", () => { this.replays = { lesson, from: performance.now() }; }), this.button("✕", () => { this.lessons = this.lessons.filter(one => one !== lesson); this.refresh(); }));
-    row.children[1].setAttribute("aria-label", `Replay ${lesson.name}`);
-    row.children[2].setAttribute("aria-label", `Delete ${lesson.name}`);
+    row.append(name, this.button("↓", () => download(`${lesson.name}.csv`, this.bytes(lesson, "csv"), "text/csv")), this.button("▶", () => { this.replays = { lesson, from: performance.now() }; }), this.button("✕", () => { this.lessons = this.lessons.filter(one => one !== lesson); this.refresh(); }));
+    ["Keep", "Replay", "Delete"].forEach((does, n) => row.children[n + 1].setAttribute("aria-label", `${does} ${lesson.name}`));
     box.append(row, lesson.canvas, trim);
     return box;
   }
