@@ -29,6 +29,7 @@ from comanip.web.report import _lift
 from page.browser import (  # fmt: skip
     Finger,
     Mouse,
+    Swift,
     browser,
     follow,
     handle,
@@ -266,22 +267,45 @@ def test_lessons_taught_there_are_kept_opened_again_and_learned_from(one: Any, f
         assert tab.evaluate("comanip.teach.lessons.length") == 2
 
 
-def test_a_study_by_script_is_blind_complete_and_analysed(one: Any, file: Path, tmp_path: Path) -> None:
-    with opened(one, file) as tab:
-        order = studied(tab, 4, trials=1)
+STUDY = """[[conditions]]
+name = "ours <img src=x>"
+skill = "follower.json"
+[[conditions]]
+name = "led"
+role = "leader"
+skill = "leader.json"
+[[conditions]]
+name = "mass-damper"
+mass_kg = 6
+damping_ns_per_m = 20
+"""
+
+
+def test_a_study_of_robots_of_ones_own_by_script_is_blind_complete_and_analysed(
+    one: Any, skills: dict[str, LearnedSkill], tmp_path: Path
+) -> None:
+    for role, skill in skills.items():
+        skill_file.save(skill, tmp_path / f"{role}.json")
+    (tmp_path / "study.toml").write_text(STUDY)
+    write_page(skills, tmp_path / "lift.html", study=tmp_path / "study.toml")
+    with opened(one, tmp_path / "lift.html") as tab:
+        order = studied(tab, 4, trials=1, hand=Swift(tab))
         assert tab.title() == "Lift with the robot"
+        assert tab.locator("#study img").count() == 0
         person = read_person(kept_study(tab, "Keep the file", tmp_path / "p.jsonl"))
         with zipfile.ZipFile(kept_study(tab, "as MCAP", tmp_path / "p.zip")) as bundled:
             assert bundled.testzip() is None
             assert bundled.read("study.jsonl") == (tmp_path / "p.jsonl").read_bytes()
             bundled.extractall(tmp_path / "trials")
         trials = {file.name: read(file)[0] for file in (tmp_path / "trials").glob("*.mcap")}
-        assert set(trials) == {f"{name}-1.mcap" for name in order}
-        assert trials[f"{order[0]}-1.mcap"].metadata["condition"] == order[0]
+        assert len(trials) == 3
+        assert trials["led-1.mcap"].metadata["condition"] == "led"
+    assert order == ["mass-damper", "led", "ours <img src=x>"]
     assert person.complete
     assert all(trial["verdict"]["success"] for trial in person.trials), [trial["verdict"]["failures"] for trial in person.trials]
-    assert sorted(person.about["order"]) == sorted(["default", "mass-damper", "damping"])
-    assert {t["condition"] for t in person.trials} == set(person.about["order"])
+    assert {t["condition"] for t in person.trials} == set(order)
+    assert person.about["roles"] == ["follower", "leader", "follower"]
+    assert person.about["skills"][0] == [skill_file.to_json(skills["follower"])["sha256"]]
     assert person.prefers == person.about["order"][0] == order[0]
     assert json.loads((tmp_path / "p.jsonl").read_text().splitlines()[1])["channels"]["position"]
 

@@ -179,7 +179,10 @@ class Page {
   canvasHolds(on) { $("scene").classList.toggle("holding", on); }
 
   ticked(session) {
-    const world = session.world, take = session.take, n = take.position.length - 1;
+    const world = session.world, take = session.take, n = take.position.length - 1, mode = take.mode[n];
+    if (mode === 2 && this.modeWas !== 2) this.sound.held();
+    this.modeWas = mode;
+    if (this.mode !== "lift") return; // robots of a study may be others than the page's
     const weights = take.weights[n], skill = this.skills[this.role === "auto" ? "leader" : this.role];
     const along = this.mainAxis();
     const row = { t: world.get("time_s"), x: take.position[n][along], v: take.velocity[n][along], f: take.force[n][along], ex: NaN, sx: NaN, ev: NaN, sv: NaN, ef: NaN, sf: NaN };
@@ -188,9 +191,6 @@ class Page {
       for (const [group, name] of [["position", "x"], ["velocity", "v"], ["force", "f"]]) if (at(group) >= 0) [row[`e${name}`], row[`s${name}`]] = expects[at(group)];
     }
     this.strips.add(row);
-    const mode = take.mode[n];
-    if (mode === 2 && this.modeWas !== 2) this.sound.held();
-    this.modeWas = mode;
   }
 
   ended(session) {
