@@ -20,6 +20,7 @@ CHROMIUM = (
     or shutil.which("google-chrome")
 )
 FORESEEN = 0.8  # share of the way meanwhile
+WHEEL_M_PER_PX = 0.0002  # as app/hands.js
 FRAME_S, STEP_S = 1.0 / 60.0, 1.0 / 20.0  # of what is drawn; of what is done, as by a slow mouse
 # Time that passes when the script says so, a frame at a call: what a person by script does there does not hang on the machine's load.
 STEPPED = """(() => { let now = 0, frames = [], timers = [], id = 0;
@@ -36,6 +37,10 @@ PASSES = f"""frames => {{ const drawn = globalThis.comanip ? [comanip.scene, com
   for (const one of drawn) one.draw = () => {{}};
   for (let n = 1; n <= frames; n++) {{ if (n === frames) for (const one of drawn) delete one.draw; stepped({1000.0 * FRAME_S}); }}
   return globalThis.comanip ? {SEEN} : ["", 0, 0] }}"""
+# Stamps of made events are those of a time that stands still; no two of the page's own are alike.
+SWIFT = """([kind, clientX, clientY]) => { const made = new PointerEvent(kind, { pointerId: 9, clientX, clientY, cancelable: true });
+  Object.defineProperty(made, "timeStamp", { value: globalThis.stamped = (globalThis.stamped ?? 0) + 1 });
+  document.getElementById("scene").dispatchEvent(made) }"""
 READY = "html[data-ready=yes]"
 
 
@@ -164,7 +169,7 @@ def leads(
         dx, dy, wanted = (a + (place - n) * (b - a) for a, b in zip(rows[n], rows[n + 1], strict=True))
         hand.move(x + dx + rng.gauss(0.0, 0.4), y + dy + rng.gauss(0.0, 0.4))
         if abs(wanted - deep) > 0.004:
-            hand.wheel((deep - wanted) / 0.0002)
+            hand.dive(deep, wanted)
             deep = wanted
         phase, *_ = wait(tab, STEP_S)
     hand.up()
@@ -266,30 +271,44 @@ class Mouse:
     def move(self, x: float, y: float) -> None:
         self.tab.mouse.move(x, y)
 
-    def wheel(self, pixels: float) -> None:
-        self.tab.mouse.wheel(0.0, pixels)
+    def dive(self, before: float, wanted: float) -> None:
+        self.tab.mouse.wheel(0.0, (before - wanted) / WHEEL_M_PER_PX)
 
     def up(self) -> None:
         self.tab.mouse.up()
 
 
 class Finger:
-    """Real touch events, through the browser's own protocol."""
+    """Real touch events, through the browser's own protocol; a second finger moves into the picture."""
 
     def __init__(self, tab: Any) -> None:
-        self.session = tab.context.new_cdp_session(tab)
+        self.tab, self.session = tab, tab.context.new_cdp_session(tab)
+        self.points: dict[int, tuple[float, float]] = {}
 
-    def _send(self, kind: str, points: list[dict[str, float]]) -> None:
+    def _send(self, kind: str) -> None:
+        points = [{"id": n, "x": x, "y": y} for n, (x, y) in self.points.items()]
         self.session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
     def down(self, x: float, y: float) -> None:
-        self._send("touchStart", [{"x": x, "y": y}])
+        self.points = {0: (x, y)}
+        self._send("touchStart")
 
     def move(self, x: float, y: float) -> None:
-        self._send("touchMove", [{"x": x, "y": y}])
+        self.points[0] = (x, y)
+        self._send("touchMove")
+
+    def dive(self, before: float, wanted: float) -> None:
+        if 1 not in self.points:
+            x, y = self.points[0]
+            self.points[1] = (x - 70.0, y)
+            self._send("touchStart")
+        x, y = self.points[1]
+        self.points[1] = (x, y + (before - wanted) * self.tab.evaluate("comanip.scene.scale"))
+        self._send("touchMove")
 
     def up(self) -> None:
-        self._send("touchEnd", [])
+        self.points = {}
+        self._send("touchEnd")
 
 
 class Swift:
@@ -300,12 +319,7 @@ class Swift:
         tab.evaluate("document.getElementById('scene').setPointerCapture = () => {}")  # there is no such pointer to capture
 
     def _send(self, kind: str, x: float, y: float) -> None:
-        about = f"pointerId: 9, clientX: {x}, clientY: {y}, bubbles: true, cancelable: true"
-        made = f"new PointerEvent('{kind}', {{ {about} }})"
-        # stamps are of the time that passes here, in which two events never are at once
-        self.tab.evaluate(
-            f"(() => {{ const e = {made}; Object.defineProperty(e, 'timeStamp', {{ value: globalThis.stamped = (globalThis.stamped ?? 0) + 1 }}); document.getElementById('scene').dispatchEvent(e) }})()"
-        )
+        self.tab.evaluate(SWIFT, [kind, x, y])
 
     def down(self, x: float, y: float) -> None:
         self._send("pointerdown", x, y)
@@ -313,10 +327,9 @@ class Swift:
     def move(self, x: float, y: float) -> None:
         self._send("pointermove", x, y)
 
-    def wheel(self, pixels: float) -> None:
-        self.tab.evaluate(
-            f"document.getElementById('scene').dispatchEvent(new WheelEvent('wheel', {{ deltaY: {pixels}, cancelable: true }}))"
-        )
+    def dive(self, before: float, wanted: float) -> None:
+        turned = f"new WheelEvent('wheel', {{ deltaY: {(before - wanted) / WHEEL_M_PER_PX}, cancelable: true }})"
+        self.tab.evaluate(f"document.getElementById('scene').dispatchEvent({turned})")
 
     def up(self) -> None:
         self._send("pointerup", 0.0, 0.0)

@@ -160,6 +160,33 @@ def test_keys_alone_lift(role: str, one: Any, file: Path) -> None:
         assert verdict["success"], verdict
 
 
+PAD = """(() => { const effects = globalThis.effects = [];
+  globalThis.pad = { connected: true, buttons: [{ pressed: false }], axes: [0, 0, 0, 0], vibrationActuator: { playEffect: (kind, about) => { effects.push(about.strongMagnitude); return Promise.resolve() } } };
+  navigator.getGamepads = () => [null, globalThis.pad] })()"""
+
+
+def test_a_gamepad_lifts_and_rumbles_with_the_force(one: Any, file: Path) -> None:
+    with opened(one, file) as tab:
+        tab.evaluate(PAD)
+        settled(tab)
+        for pressed in ("true", "false"):
+            tab.evaluate(f"pad.buttons[0].pressed = {pressed}")
+            wait(tab, 0.1)
+        assert tab.evaluate("[comanip.hands.kind, comanip.session.phase]") == ["gamepad", "runs"]
+        tab.evaluate("pad.axes = [0, -0.1, 0, 0]")  # a stick that does not come back to its middle
+        wait(tab, 0.9)
+        assert abs(tab.evaluate("comanip.hands.target[0]")) < 0.01
+        tab.evaluate("pad.axes[1] = -0.7")
+        until(tab, "comanip.hands.target[0] > comanip.session.setup.goal[0] - 0.01", step_s=1.0 / 60.0)
+        tab.evaluate("pad.axes[1] = 0")
+        until(tab, "comanip.takes.length === 1", 20.0)
+        verdict = tab.evaluate("comanip.takes[0].verdict")
+        assert verdict["success"], verdict
+        effects = tab.evaluate("effects")
+        assert effects
+        assert all(0.12 <= strength <= 1.0 for strength in effects)
+
+
 def test_every_control_has_a_name(one: Any, file: Path) -> None:
     with opened(one, file) as tab:
         nameless = tab.evaluate(
@@ -186,6 +213,23 @@ def test_three_axes_are_carried_with_the_wheel_for_the_third(one: Any, tmp_path:
         tab.keyboard.up("e")
         assert tab.evaluate("comanip.hands.target[1]") > 0.08
         assert abs(tab.evaluate("comanip.hands.target[0]")) < 0.03
+        tab.keyboard.press("Space")
+        settled(tab)
+        hand, at = Finger(tab), handle(tab)
+        hand.down(*at)
+        wait(tab, 0.6)
+        hand.dive(0.0, 0.05)  # a second finger, and a third that changes nothing
+        hand.points[2] = (at[0] - 100.0, at[1] + 30.0)
+        hand._send("touchStart")
+        wait(tab, 0.1)
+        assert tab.evaluate("comanip.hands.deep") == pytest.approx(0.05, abs=0.005)
+        del hand.points[1]
+        hand._send("touchMove")
+        wait(tab, 0.1)
+        assert tab.evaluate("comanip.hands.kind") == "pointer"  # the first still holds
+        hand.up()
+        wait(tab, 0.1)
+        assert tab.evaluate("comanip.hands.target") is None
 
 
 def test_letting_go_is_noticed_said_and_ended_by_going_on(one: Any, file: Path) -> None:
