@@ -201,14 +201,14 @@ def follows(tab: Any, rng: random.Random, *, delay_s: float | None = None, hand:
     hand.up()
 
 
-def teach(tab: Any, role: str, count: int, rng: random.Random) -> int:
+def teach(tab: Any, role: str, count: int, rng: random.Random, hand: Any = None) -> int:
     """`count` lessons of a role, on the tab for teaching; how many tries it took."""
     tab.click("#tab-teach")
     tab.click(f"#teach [data-role={role}]")
     done = f"comanip.teach.lessons.filter(one => one.role === '{role}').length"
     for tries in range(1, 3 * count + 1):
         settled(tab)
-        (follows if role == "leader" else leads)(tab, rng)
+        (follows if role == "leader" else leads)(tab, rng, hand=hand)
         until(tab, "comanip.session.phase !== 'runs'")
         if tab.evaluate(done) >= count:
             return tries

@@ -27,7 +27,7 @@ from .person import Hand
 DT_S, WAY_STEP_S = 0.01, 0.02
 MODULES = (
     "files", "recordings", "mcap", "engine", "scene", "hands", "sound", "judge", "strips", "session", "prepare", "skillfile",
-    "em", "teach", "study", "understand", "about", "main",
+    "em", "learn", "teach", "study", "understand", "about", "main",
 )  # fmt: skip
 # of the exact beam and its sensor, as plants.beam has them
 ROBOT = {
