@@ -280,9 +280,26 @@ def test_names_with_markup_are_text_and_a_damaged_skill_is_one_line(
         assert nasty[:20] in file.read_text() or "\\u003c/script" in file.read_text()
 
 
-def test_lessons_taught_there_are_kept_opened_again_and_learned_from(one: Any, file: Path, tmp_path: Path) -> None:
+def test_lessons_taught_there_are_learned_from_kept_and_opened_again(one: Any, file: Path, tmp_path: Path) -> None:
     with opened(one, file) as tab:
-        teach(tab, "leader", 1, random.Random(7))
+        hand = Swift(tab)
+        teach(tab, "leader", 2, random.Random(7), hand)
+        tab.click("#teach button:has-text('Learn from these')")
+        assert "learned from 2 lessons" in tab.locator("#say").inner_text()
+        assert tab.evaluate("[comanip.mode, comanip.role, comanip.skills.leader.provenance.lessons.length]") == [
+            "lift",
+            "leader",
+            2,
+        ]
+        found = follow(tab, random.Random(8), delay_s=0.18, hand=hand)
+        assert found["verdict"]["success"], found["verdict"]
+        tab.click("#tab-teach")
+        with tab.expect_download() as kept:
+            tab.click("#teach button:has-text('Keep the skill')")
+        kept.value.save_as(tmp_path / "leader.json")
+        assert skill_file.load(tmp_path / "leader.json").role == "leader"
+        settled(tab)
+        tab.locator("[aria-label='Delete leader-2']").click()
         for suffix in (".csv", ".mcap"):
             with tab.expect_download() as kept:
                 tab.click(f"#teach button:has-text('Keep all as {suffix[1:].upper()}')")

@@ -6,7 +6,7 @@ import { lengthOf, smooth } from "./judge.js";
 import { gradient, interp, minus } from "./prepare.js";
 import { quoted } from "./skillfile.js";
 
-const FORCE_CUTOFF_HZ = 10, STATES = 10, FLOOR = 1e-4, ITERATIONS = 200, TOLERANCE = 1e-5, UNVISITED = 0.1, AROUND = 0.5, WARNED_N = 1.5;
+const FORCE_CUTOFF_HZ = 10, STATES = 10, FLOOR = 1e-4, ITERATIONS = 200, TOLERANCE = 1e-5, UNVISITED = 0.1, NOTHING = 1e-18, AROUND = 0.5, WARNED_N = 1.5;
 const MOVING_SHARE = 0.03, LEFT_SHARE = 0.03, POINTS_PER_S = 100, MOST_ROWS = 200, ROW_S = 0.02, CUTOFFS_HZ = [1.5, 2, 3, 4, 6, 8, 10], KEPT_SHARE = 0.004, OFF_DIAGONAL = 0.002, ELSEWHERE = 0.25, APART = 3, STRAY = 4;
 
 const range = n => Array.from({ length: n }, (_, i) => i), sum = values => values.reduce((a, b) => a + b, 0), average = values => sum(values) / values.length;
@@ -73,24 +73,26 @@ function floored(S) {
 
 // Means and covariances of frames z under weights gamma[t][k]; a state without weight keeps what it had
 function gaussians(z, gamma, K, before) {
-  const D = z[0].length, weight = range(K).map(k => sum(gamma.map(row => row[k])));
-  const means = range(K).map(k => (weight[k] > 1e-10 ? range(D).map(d => sum(z.map((x, t) => gamma[t][k] * x[d])) / weight[k]) : before.means[k]));
-  const covariances = range(K).map(k => {
-    if (!(weight[k] > 1e-10)) return before.covariances[k];
-    const S = range(D).map(() => new Array(D).fill(0));
-    z.forEach((x, t) => { const g = gamma[t][k] / weight[k]; if (g > 0) for (let i = 0; i < D; i++) for (let j = 0; j <= i; j++) S[i][j] += g * (x[i] - means[k][i]) * (x[j] - means[k][j]); });
-    for (let i = 0; i < D; i++) for (let j = 0; j < i; j++) S[j][i] = S[i][j];
-    return floored(S);
+  const D = z[0].length, weight = new Array(K).fill(0), sums = range(K).map(() => new Array(D).fill(0));
+  const each = does => { for (let t = 0; t < z.length; t++) { const x = z[t], row = gamma[t]; for (let k = 0; k < K; k++) if (row[k] > NOTHING) does(row[k], x, k); } };
+  each((g, x, k) => { weight[k] += g; for (let d = 0; d < D; d++) sums[k][d] += g * x[d]; });
+  const seen = weight.map(w => w > 1e-10), means = sums.map((row, k) => (seen[k] ? row.map(x => x / weight[k]) : before.means[k])), products = range(K).map(() => range(D).map(() => new Array(D).fill(0)));
+  const off = new Float64Array(D);
+  each((g, x, k) => {
+    const S = products[k], m = means[k];
+    for (let i = 0; i < D; i++) { off[i] = x[i] - m[i]; const row = S[i], by = g * off[i]; for (let j = 0; j <= i; j++) row[j] += by * off[j]; }
   });
+  const covariances = products.map((S, k) => (seen[k] ? floored(S.map((row, i) => row.map((_, j) => (j <= i ? row[j] : S[j][i]) / weight[k]))) : before.covariances[k]));
   return { means, covariances };
 }
 
 function logDensities(model, z) {
   const D = z[0].length, parts = model.covariances.map(S => { const L = cholesky(S); return [L, -0.5 * D * Math.log(2 * Math.PI) - sum(L.map((row, i) => Math.log(row[i])))]; });
+  const y = new Float64Array(D);
   return z.map(x => parts.map(([L, peak], k) => {
-    const y = new Array(D);
+    const m = model.means[k];
     let far = 0;
-    for (let i = 0; i < D; i++) { let rest = x[i] - model.means[k][i]; for (let j = 0; j < i; j++) rest -= L[i][j] * y[j]; y[i] = rest / L[i][i]; far += y[i] * y[i]; }
+    for (let i = 0; i < D; i++) { const row = L[i]; let rest = x[i] - m[i]; for (let j = 0; j < i; j++) rest -= row[j] * y[j]; y[i] = rest / row[i]; far += y[i] * y[i]; }
     return peak - 0.5 * far;
   }));
 }
@@ -100,16 +102,25 @@ const logSum = (a, b) => (a > b ? a + Math.log1p(Math.exp(b - a)) : b === -Infin
 // One lesson's log-likelihood, gamma (T, K), and how often states stay and go on: left to right, each stays or goes to the next
 function expected(model, logs, counts) {
   const K = model.means.length, T = logs.length, stay = range(K).map(k => Math.log(model.transition[k][k])), on = range(K).map(k => (k < K - 1 ? Math.log(model.transition[k][k + 1]) : -Infinity));
-  const alpha = [logs[0].map((b, k) => Math.log(model.initial[k]) + b)], beta = new Array(T);
-  for (let t = 1; t < T; t++) alpha.push(logs[t].map((b, k) => b + logSum(alpha[t - 1][k] + stay[k], k ? alpha[t - 1][k - 1] + on[k - 1] : -Infinity)));
-  beta[T - 1] = new Array(K).fill(0);
-  for (let t = T - 2; t >= 0; t--) beta[t] = range(K).map(k => logSum(stay[k] + logs[t + 1][k] + beta[t + 1][k], k < K - 1 ? on[k] + logs[t + 1][k + 1] + beta[t + 1][k + 1] : -Infinity));
-  const total = last(alpha).reduce(logSum, -Infinity);
-  for (let t = 0; t < T - 1; t++) for (let k = 0; k < K; k++) {
-    counts[k][k] += Math.exp(alpha[t][k] + stay[k] + logs[t + 1][k] + beta[t + 1][k] - total);
-    if (k < K - 1) counts[k][k + 1] += Math.exp(alpha[t][k] + on[k] + logs[t + 1][k + 1] + beta[t + 1][k + 1] - total);
+  const alpha = [logs[0].map((b, k) => Math.log(model.initial[k]) + b)], gamma = new Array(T);
+  for (let t = 1; t < T; t++) { const was = alpha[t - 1]; alpha.push(logs[t].map((b, k) => b + logSum(was[k] + stay[k], k ? was[k - 1] + on[k - 1] : -Infinity))); }
+  const total = last(alpha).reduce(logSum, -Infinity), ahead = new Array(K);
+  let beta = new Array(K).fill(0);
+  gamma[T - 1] = last(alpha).map(a => Math.exp(a - total));
+  for (let t = T - 2; t >= 0; t--) {
+    const now = alpha[t], row = new Array(K);
+    for (let k = 0; k < K; k++) ahead[k] = logs[t + 1][k] + beta[k];
+    beta = new Array(K);
+    for (let k = 0; k < K; k++) {
+      const stays = stay[k] + ahead[k], goes = k < K - 1 ? on[k] + ahead[k + 1] : -Infinity;
+      counts[k][k] += Math.exp(now[k] + stays - total);
+      if (k < K - 1) counts[k][k + 1] += Math.exp(now[k] + goes - total);
+      beta[k] = logSum(stays, goes);
+      row[k] = Math.exp(now[k] + beta[k] - total);
+    }
+    gamma[t] = row;
   }
-  return [total, alpha.map((row, t) => row.map((a, k) => Math.exp(a + beta[t][k] - total)))];
+  return [total, gamma];
 }
 
 // fitting.hmm.fit_hmm as `comanip learn` asks for it. lessons: [(T, D)]; channels: names

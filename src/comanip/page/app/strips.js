@@ -48,7 +48,7 @@ export class Strips {
       g.fillStyle = COLOURS.ink;
       g.font = "600 14px system-ui, sans-serif";
       const last = seen.length ? seen[seen.length - 1][name] : NaN;
-      g.fillText(Number.isFinite(last) ? `${last.toFixed(labels[n][2])} ${labels[n][1]}` : "–", 2, tall * (n + 0.42) + 18);
+      g.fillText(Number.isFinite(last) ? `${last.toFixed(labels[n][2]).replace(/^-(?=0\.?0*$)/, "")} ${labels[n][1]}` : "–", 2, tall * (n + 0.42) + 18);
     });
   }
 }
