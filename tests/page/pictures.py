@@ -63,11 +63,11 @@ def main(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as made, browser() as one:
         file = Path(made) / "lift.html"
         write_page({role: taught(role, seed=0) for role in ROLES}, file)
-        with opened(one, file, **DESK) as tab:
+        with opened(one, file, **{**DESK, "device_scale_factor": 1}) as tab:
             tab.click("#roles [data-role=leader]")
             follow(tab, random.Random(1), hand=Swift(tab))
             tab.click("#roles [data-role=auto]")
-            half_a_lift(tab, Swift(tab), 1.6)
+            half_a_lift(tab, Swift(tab), 1.7)
             tab.screenshot(path=folder / "page.png")
             session = tab.context.new_cdp_session(tab)
             for kind in BLIND:

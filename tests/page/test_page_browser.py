@@ -68,6 +68,8 @@ REACHABLE = """name => { const wrong = []; for (const one of document.querySelec
     if (r.width < 8 || r.left < -1 || r.right > innerWidth + 1 || y < 0 || y > innerHeight) wrong.push(one.outerHTML.slice(0, 90));
     else { const seen = document.elementFromPoint(x, y); if (!(seen && (one.contains(seen) || seen.contains(one) || seen.closest('label')?.contains(one) || one.matches('canvas')))) wrong.push('covered: ' + one.outerHTML.slice(0, 90)) } }
   if (document.documentElement.scrollWidth > innerWidth) wrong.push('wider than the screen'); scrollTo(0, 0); return wrong }"""
+# whether the browser asks before it leaves the page
+LEAVES = "(() => { const leaves = new Event('beforeunload', { cancelable: true }); dispatchEvent(leaves); return leaves.defaultPrevented })()"
 # median time between frames, over 30 of them
 FRAME_MS = """() => new Promise(done => { const at = []; const next = t => { at.push(t); at.length > 30
     ? done(at.slice(1).map((t, i) => t - at[i]).sort((a, b) => a - b)[15]) : requestAnimationFrame(next) }; requestAnimationFrame(next) })"""
@@ -298,6 +300,7 @@ def test_lessons_taught_there_are_learned_from_kept_and_opened_again(one: Any, f
             tab.click("#teach button:has-text('Keep the skill')")
         kept.value.save_as(tmp_path / "leader.json")
         assert skill_file.load(tmp_path / "leader.json").role == "leader"
+        assert tab.evaluate(LEAVES)  # the lessons themselves are not kept yet
         settled(tab)
         tab.locator("[aria-label='Delete leader-2']").click()
         for suffix in (".csv", ".mcap"):
@@ -307,6 +310,7 @@ def test_lessons_taught_there_are_learned_from_kept_and_opened_again(one: Any, f
             with zipfile.ZipFile(tmp_path / "lessons.zip") as bundled:
                 assert bundled.namelist() == [f"leader-1{suffix}"]
                 (tmp_path / f"<img src=x>lesson{suffix}").write_bytes(bundled.read(f"leader-1{suffix}"))
+            assert not tab.evaluate(LEAVES)
             (recording,) = read(tmp_path / f"<img src=x>lesson{suffix}")
             assert recording.metadata["role"] == "leader"
             (demonstration,) = demonstrations([recording], rate_hz=100.0)
@@ -391,8 +395,12 @@ def test_a_study_that_is_broken_off_leaves_what_there_was(one: Any, file: Path, 
         wait(tab, 1.0)
         tab.evaluate("comanip.study.close('broken off')")  # in the middle of a lift
         tab.mouse.up()
+        assert tab.evaluate(LEAVES)
+        tab.click("#study button:has-text('Another person')")
+        assert tab.locator("#study h2").inner_text() == "Stopped."  # not before it is kept, or asked for twice
         person = read_person(kept_study(tab, "Keep the file", tmp_path / "later.jsonl"))
         assert (person.complete, len(person.trials)) == (False, 1)
+        assert not tab.evaluate(LEAVES)
         wait(tab, 3.0)
         assert tab.evaluate("comanip.study.records.length") == 3  # nothing comes behind the end
 

@@ -78,6 +78,10 @@ def test_lessons_that_need_preparing_are_one_line_and_not_learned_from(tmp_path:
         "uneven.csv": (Recording({n: Channel(c.time[gap], c.values[gap], c.unit, c.frame, c.axes) for n, c in recording.channels.items()}, {}), "not of one even rate"),
         "still.csv": (Recording({n: Channel(c.time, 0.0 * c.values, c.unit, c.frame, c.axes) for n, c in recording.channels.items()}, {}), "is the same in all lessons"),
     }  # fmt: skip
+    wrong["fast.csv"] = (
+        Recording({n: Channel(0.5 * c.time, c.values, c.unit, c.frame, c.axes) for n, c in recording.channels.items()}, {}),
+        "200 frames a second",
+    )
     for name, (one, _) in wrong.items():
         write(one, tmp_path / name)
     said = ran(tmp_path, """

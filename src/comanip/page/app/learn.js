@@ -6,7 +6,7 @@ import { lengthOf, smooth } from "./judge.js";
 import { gradient, interp, minus } from "./prepare.js";
 import { quoted } from "./skillfile.js";
 
-const FORCE_CUTOFF_HZ = 10, STATES = 10, FLOOR = 1e-4, ITERATIONS = 200, TOLERANCE = 1e-5, UNVISITED = 0.1, NOTHING = 1e-18, AROUND = 0.5, WARNED_N = 1.5;
+const PERIOD_S = 0.01, FORCE_CUTOFF_HZ = 10, STATES = 10, FLOOR = 1e-4, ITERATIONS = 200, TOLERANCE = 1e-5, UNVISITED = 0.1, NOTHING = 1e-18, AROUND = 0.5, WARNED_N = 1.5;
 const MOVING_SHARE = 0.03, LEFT_SHARE = 0.03, POINTS_PER_S = 100, MOST_ROWS = 200, ROW_S = 0.02, CUTOFFS_HZ = [1.5, 2, 3, 4, 6, 8, 10], KEPT_SHARE = 0.004, OFF_DIAGONAL = 0.002, ELSEWHERE = 0.25, APART = 3, STRAY = 4;
 
 const range = n => Array.from({ length: n }, (_, i) => i), sum = values => values.reduce((a, b) => a + b, 0), average = values => sum(values) / values.length;
@@ -34,6 +34,7 @@ export function preparedLesson(recording, task, name) {
   const [place, speed, sensed] = ["position", "velocity", "sensor_force"].map(key => named(key) ?? fail(`no hand.${key} along ${axes}`)), { time } = place, n = time.length, dt = rounded(((time[n - 1] - time[0]) / (n - 1)) * 1e6) / 1e6;
   if (named("force")) fail("its force is the interaction's already");
   if (n < 20 || [speed, sensed].some(one => one.rows.length !== n || one.time.some((t, i) => Math.abs(t - time[i]) > 1e-6)) || time.some((t, i) => Math.abs(t - time[0] - i * dt) > 1e-6)) fail("its channels are not of one even rate");
+  if (Math.abs(dt - PERIOD_S) > 1e-6) fail(`it has ${Math.round(1 / dt)} frames a second, and the page takes ${1 / PERIOD_S}`);
   const { load_mass_kg: mass = task.mass_kg, load_share: share = task.share, gravity_m_per_s2: gravity = task.gravity } = about;
   const acceleration = smoothed(gradientToTheEnds(speed.rows, dt), dt, FORCE_CUTOFF_HZ), force = smoothed(sensed.rows, dt, FORCE_CUTOFF_HZ).map((row, t) => row.map((f, i) => f + share * mass * (acceleration[t][i] - gravity[i])));
   return { name, role: about.role, dt, position: place.rows, velocity: speed.rows, force };

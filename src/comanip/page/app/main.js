@@ -82,6 +82,7 @@ class Page {
       if (event.target.matches?.("input, textarea, select") || event.ctrlKey || event.metaKey || event.altKey) return;
       if (event.key.toLowerCase() === "r" && !$("rearm").hidden) this.rearm();
     });
+    addEventListener("beforeunload", event => { if (this.teach.unsaved || this.study.unsaved) event.preventDefault(); });
     let inside = 0;
     addEventListener("dragenter", event => { event.preventDefault(); inside++; $("drop").hidden = false; });
     addEventListener("dragleave", () => { if (--inside <= 0) $("drop").hidden = true; });

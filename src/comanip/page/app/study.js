@@ -1,7 +1,7 @@
 // A study on the page: laws in a blind, counterbalanced order from a seed; practice, trials, two questions after each, one file at
 // the end. Nothing is sent anywhere; whoever takes part may stop at any time and keep what there is, or nothing.
 
-import { download, numbersOf, plain } from "./files.js";
+import { download, numbersOf, plain, tell } from "./files.js";
 import { mcapOf, zipOf } from "./mcap.js";
 import { recordingOf } from "./recordings.js";
 import { KEPT } from "./session.js";
@@ -56,7 +56,7 @@ export class Study {
   form(panel) {
     panel.append(element("h2", "", "A study of how robots carry"), element("p", "", this.plan.consent));
     const row = element("div", "row");
-    const who = field("Your code (not your name)", "text", "p1"), seed = field("Number of the order", "number", String(new URLSearchParams(location.hash.slice(1)).get("seed") ?? Math.floor(Math.random() * 1e6)));
+    const who = field("Your code (not your name)", "text", this.proposed?.[0] ?? "p1"), seed = field("Number of the order", "number", String(this.proposed?.[1] ?? new URLSearchParams(location.hash.slice(1)).get("seed") ?? Math.floor(Math.random() * 1e6)));
     row.append(who, seed);
     const agree = element("label", "row"), box = document.createElement("input");
     box.type = "checkbox";
@@ -112,6 +112,7 @@ export class Study {
       if (++this.practised >= this.plan.practice) this.stage = "trials";
     } else if (this.stage === "trials") {
       this.records.push(this.record(session));
+      this.unsaved = true;
       if (++this.trial >= this.plan.trials) this.stage = "questions";
     }
     this.show();
@@ -172,6 +173,15 @@ export class Study {
     this.next();
   }
 
+  // The next number in the row, so that orders stay balanced; what nobody has kept is asked for once more.
+  another() {
+    if (this.unsaved) { this.unsaved = false; tell("keep the file first; once more, and it is gone"); return; }
+    this.proposed = [String(this.records[0].participant).replace(/\d*$/, digits => String(Number(digits || 1) + 1)), this.seed + 1];
+    this.stage = "form";
+    this.records = [];
+    this.show();
+  }
+
   file() { return this.records.map(record => JSON.stringify(record)).join("\n") + "\n"; }
 
   // The same lines, and every trial as MCAP beside them
@@ -186,9 +196,9 @@ export class Study {
     panel.append(element("h2", "", complete ? "Thank you." : "Stopped."), element("p", "", "Nothing has left this page. Keep the file and give it to whoever asked you, or close the page, and it is gone."));
     const row = element("div", "row"), keep = element("button", "button main", "Keep the file"), all = element("button", "button", "Keep it with every lift as MCAP (ZIP)"), again = element("button", "button", "Another person");
     const named = `comanip-study-${this.records[0].participant || "p"}-${this.seed}`;
-    keep.addEventListener("click", () => download(`${named}.jsonl`, this.file(), "application/x-ndjson"));
-    all.addEventListener("click", () => download(`${named}.zip`, this.bundle(), "application/zip"));
-    again.addEventListener("click", () => { this.stage = "form"; this.records = []; this.show(); });
+    keep.addEventListener("click", () => { this.unsaved = false; download(`${named}.jsonl`, this.file(), "application/x-ndjson"); });
+    all.addEventListener("click", () => { this.unsaved = false; download(`${named}.zip`, this.bundle(), "application/zip"); });
+    again.addEventListener("click", () => this.another());
     row.append(keep, all, again);
     if (complete) panel.append(element("p", "soft", `The order was: ${this.order.map(one => one.name).join(", ")}.`));
     panel.append(row);

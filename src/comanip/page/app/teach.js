@@ -77,6 +77,7 @@ export class Teach {
     } else if (this.lessons.length >= MOST_KEPT) tell("there are enough lessons: keep them, or delete some");
     else {
       this.count++;
+      this.unsaved = true;
       this.lessons.push({ role: this.role, n: this.count, take, from: 0, to: take.position.length, name: `${this.role}-${this.lessons.filter(one => one.role === this.role).length + 1}` });
       if (this.lessons.filter(one => one.role === this.role).length === LESSONS) { this.page.sound.arrived(); tell(`five lessons as ${this.role}: now it can learn from them`); }
     }
@@ -116,6 +117,7 @@ export class Teach {
 
   // In one file: browsers lose some of many downloads in silence, Chromium from the eleventh on.
   keepAll(kind) {
+    this.unsaved = false;
     const names = each(this.lessons.map(lesson => plain(lesson.name)));
     download(`comanip-lessons-${kind}.zip`, zipOf(this.lessons.map((lesson, n) => [`${names[n]}.${kind}`, this.bytes(lesson, kind)])), "application/zip");
   }
