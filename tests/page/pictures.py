@@ -67,7 +67,7 @@ def main(folder: Path) -> None:
             tab.click("#roles [data-role=leader]")
             follow(tab, random.Random(1), hand=Swift(tab))
             tab.click("#roles [data-role=auto]")
-            half_a_lift(tab, Swift(tab), 1.7)
+            half_a_lift(tab, Swift(tab), 1.5)
             tab.screenshot(path=folder / "page.png")
             session = tab.context.new_cdp_session(tab)
             for kind in BLIND:
