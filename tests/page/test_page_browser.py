@@ -113,6 +113,30 @@ def test_the_hand_moves_in_the_next_frames_after_the_pointer(one: Any, file: Pat
         assert latencies[len(latencies) // 2] < 4.0 * tab.evaluate(FRAME_MS)
 
 
+LATER = """(([ms, stamp, x, y]) => { const was = performance.now, before = comanip.session.world.get("time_s"); performance.now = () => was() + ms;
+  const made = new PointerEvent("pointermove", { pointerId: 9, clientX: x, clientY: y }); Object.defineProperty(made, "timeStamp", { value: stamp });
+  document.getElementById("scene").dispatchEvent(made); performance.now = was;
+  return [1000 * (comanip.session.world.get("time_s") - before), comanip.hands.now[1]] })"""
+
+
+def test_the_world_goes_on_with_an_event_of_the_pointer_before_the_next_frame(one: Any, file: Path) -> None:
+    with opened(one, file) as tab:
+        settled(tab)
+        (x, y), hand = handle(tab), Swift(tab)
+        hand.down(x, y)
+        hand.move(x, y)
+        wait(tab, 1.0)
+        passed, at = tab.evaluate(LATER, [20, 1e6, x, y - 5.0])
+        assert passed == pytest.approx(20.0, abs=10.0)  # to the robot's tick
+        assert at == y - 5.0
+        assert tab.evaluate(LATER, [40, 1e6, x, y - 5.0])[0] == 0.0  # the same movement, told again
+        assert tab.evaluate(LATER, [60, 1e6 - 1.0, x, y])[1] == y - 5.0  # an older one
+        assert tab.evaluate(LATER, [80, 1e6, x, y - 9.0])[1] == y - 9.0  # where stamps are coarse it may be another
+        before = tab.evaluate("comanip.session.world.get('time_s')")
+        wait(tab, 0.05)  # what has passed does not pass again
+        assert tab.evaluate("comanip.session.world.get('time_s')") - before <= 0.05
+
+
 def test_a_person_who_goes_along_is_led_to_the_end_and_pulls_no_more(one: Any, file: Path) -> None:
     with opened(one, file) as tab:
         tab.click("#roles [data-role=leader]")
@@ -299,7 +323,10 @@ def test_lessons_taught_there_are_learned_from_kept_and_opened_again(one: Any, f
         with tab.expect_download() as kept:
             tab.click("#teach button:has-text('Keep the skill')")
         kept.value.save_as(tmp_path / "leader.json")
-        assert skill_file.load(tmp_path / "leader.json").role == "leader"
+        kept_skill = skill_file.load(tmp_path / "leader.json")
+        tab.click("#tab-about")
+        assert skill_file.to_json(kept_skill)["sha256"][:12] in tab.locator("#about").inner_text()
+        tab.click("#tab-teach")
         assert tab.evaluate(LEAVES)  # the lessons themselves are not kept yet
         settled(tab)
         tab.locator("[aria-label='Delete leader-2']").click()

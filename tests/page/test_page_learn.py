@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,7 @@ def test_the_page_learns_what_comanip_learns(name: str, role: str, lessons: int,
         write(as_kept(recording, max(stride, 1)), tmp_path / files[-1])
     ran(tmp_path, LEARN, modules=MODULES, task=told(task), files=files)
     found = skill_file.load(tmp_path / "skill.json")
+    assert skill_file.to_json(found) == json.loads((tmp_path / "skill.json").read_text())  # saved again it is the same file
     expected = learn(demonstrations([read(tmp_path / file)[0] for file in files]))
     assert (found.role, found.axes, found.dt, found.model.channels) == (role, task.axes, expected.dt, expected.model.channels)
     assert found.provenance["converged"]

@@ -61,9 +61,11 @@ export class Hands {
   move(event) {
     if (this.second && event.pointerId === this.second.id) { this.dive(this.second.deep + (this.second.y - event.clientY) / this.scene.scale); return; }
     if (this.kind !== "pointer" || event.pointerId !== this.id) return;
-    if (event.timeStamp <= this.seen) return; // a browser tells a movement at once as raw, and a frame or two later again
-    this.seen = this.when = event.timeStamp;
-    this.now = [event.clientX, event.clientY];
+    const { timeStamp, clientX, clientY } = event;
+    // a browser tells a movement at once as raw, and a frame or two later again; in some, stamps are so coarse that many are alike
+    if (timeStamp < this.seen || (timeStamp === this.seen && clientX === this.now[0] && clientY === this.now[1])) return;
+    this.seen = this.when = timeStamp;
+    this.now = [clientX, clientY];
     this.point();
     this.moves();
   }

@@ -1,11 +1,12 @@
 // A skill of the lessons that were taught here: what `comanip learn` makes of the same files, by the same steps in the same order.
 // lessons/demonstration.py: eq. (3); fitting/hmm.py: Baum-Welch; models/taught_path.py: the way that lessons share. A test compares.
 
-import { sha256 } from "./files.js";
+import { repr, sha256 } from "./files.js";
 import { lengthOf, smooth } from "./judge.js";
 import { gradient, interp, minus } from "./prepare.js";
 import { quoted } from "./skillfile.js";
 
+const WHOLE = new Set(["version", "frames", "n_frames"]); // numbers that are no floats in a skill file
 const PERIOD_S = 0.01, FORCE_CUTOFF_HZ = 10, STATES = 10, FLOOR = 1e-4, ITERATIONS = 200, TOLERANCE = 1e-5, UNVISITED = 0.1, NOTHING = 1e-18, AROUND = 0.5, WARNED_N = 1.5;
 const MOVING_SHARE = 0.03, LEFT_SHARE = 0.03, POINTS_PER_S = 100, MOST_ROWS = 200, ROW_S = 0.02, CUTOFFS_HZ = [1.5, 2, 3, 4, 6, 8, 10], KEPT_SHARE = 0.004, OFF_DIAGONAL = 0.002, ELSEWHERE = 0.25, APART = 3, STRAY = 4;
 
@@ -305,19 +306,18 @@ export function learned(lessons, task) {
 
 function biased(lessons) { return lessons.filter(one => lengthOf(meanRow(one.force.slice(0, 30))) > WARNED_N).map(one => `${one.name}: force at rest is above ${WARNED_N} N`); }
 
-// A number as Python's json writes it, so that its checksum is the same there
-function number(x) {
-  if (Number.isInteger(x)) return String(x);
+// A number as Python's json writes a float, so that its checksum is the same there
+function letters(x) {
   const [digits, power] = x.toExponential().split("e"), n = Number(power);
-  return n < -4 || n > 15 ? `${digits}e${n < 0 ? "-" : "+"}${String(Math.abs(n)).padStart(2, "0")}` : String(x);
+  return x !== 0 && (n < -4 || n > 15) ? `${digits}e${n < 0 ? "-" : "+"}${String(Math.abs(n)).padStart(2, "0")}` : repr(x);
 }
 
-function written(value) {
-  if (typeof value === "number") return number(value);
+function written(value, key = "") {
+  if (typeof value === "number") return WHOLE.has(key) ? String(value) : letters(value);
   if (typeof value === "string") return quoted(value);
-  if (Array.isArray(value)) return `[${value.map(written).join(",")}]`;
+  if (Array.isArray(value)) return `[${value.map(one => written(one)).join(",")}]`;
   if (value === null || typeof value === "boolean") return String(value);
-  return `{${Object.keys(value).sort().map(key => `${quoted(key)}:${written(value[key])}`).join(",")}}`;
+  return `{${Object.keys(value).sort().map(name => `${quoted(name)}:${written(value[name], name)}`).join(",")}}`;
 }
 
 function signed(content) { return written({ ...content, sha256: sha256(written(content)) }); }

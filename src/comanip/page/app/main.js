@@ -41,7 +41,6 @@ class Page {
     this.teach = new Teach(this, $("teach"));
     this.study = new Study(this, $("study"));
     this.understand = new Understand(this, $("understand"));
-    about($("about"), config);
     requestAnimationFrame(now => { this.then = now; this.frame(now); });
   }
 
@@ -125,6 +124,7 @@ class Page {
       if (name === "teach") this.teach.enter();
       if (name === "study") this.study.enter();
       if (name === "understand") this.understand.enter();
+      if (name === "about") about($("about"), { ...this.config, skills: this.skills });
     }
   }
 
