@@ -157,8 +157,12 @@ def test_the_handle_is_drawn_where_it_is(one: Any, file: Path) -> None:
 
 def test_a_finger_lifts_on_a_phone_where_everything_is_reachable(one: Any, file: Path) -> None:
     with opened(one, file, **PHONE) as tab:
-        found = lead(tab, random.Random(4), duration_s=2.6, onset_s=1.0, hand=Finger(tab))
+        tab.evaluate("(() => { globalThis.shakes = []; navigator.vibrate = ms => { shakes.push(ms); return true } })()")
+        found = lead(tab, random.Random(4), duration_s=2.0, onset_s=1.0, hand=Finger(tab))
         assert found["verdict"]["success"], found["verdict"]
+        shakes = tab.evaluate("shakes")
+        assert shakes
+        assert all(11 <= ms <= 38 for ms in shakes), shakes
         until(tab, "document.getElementById('verdict').hidden")
         for name in ("teach", "study", "understand", "about", "lift"):
             tab.tap(f"#tab-{name}")
@@ -191,9 +195,15 @@ PAD = """(() => { const effects = globalThis.effects = [];
   navigator.getGamepads = () => [null, globalThis.pad] })()"""
 
 
-def test_a_gamepad_lifts_and_rumbles_with_the_force(one: Any, file: Path) -> None:
+HUM = "(() => { globalThis.loud = []; comanip.sound.loud.gain.setTargetAtTime = value => loud.push(value) })()"
+
+
+def test_a_gamepad_lifts_rumbles_and_hums_with_the_force(one: Any, file: Path) -> None:
     with opened(one, file) as tab:
         tab.evaluate(PAD)
+        tab.click("#sound")
+        assert tab.get_attribute("#sound", "aria-pressed") == "true"
+        tab.evaluate(HUM)
         settled(tab)
         for pressed in ("true", "false"):
             tab.evaluate(f"pad.buttons[0].pressed = {pressed}")
@@ -211,6 +221,9 @@ def test_a_gamepad_lifts_and_rumbles_with_the_force(one: Any, file: Path) -> Non
         effects = tab.evaluate("effects")
         assert effects
         assert all(0.12 <= strength <= 1.0 for strength in effects)
+        loud = tab.evaluate("loud")
+        assert max(loud) > 0.005  # 1 N and more
+        assert loud[-1] == 0.0
 
 
 def test_every_control_has_a_name(one: Any, file: Path) -> None:
@@ -402,34 +415,43 @@ def test_a_study_of_robots_of_ones_own_by_script_is_blind_complete_and_analysed(
     assert json.loads((tmp_path / "p.jsonl").read_text().splitlines()[1])["channels"]["position"]
 
 
-def test_a_study_that_is_broken_off_leaves_what_there_was(one: Any, file: Path, tmp_path: Path) -> None:
+def begins(tab: Any, **plan: int) -> None:
+    tab.evaluate(f"Object.assign(comanip.study.plan, {json.dumps(plan)})")
+    tab.check("#study input[type=checkbox]")
+    tab.click("#study button:has-text('Begin')")
+    settled(tab)
+
+
+def test_a_study_that_is_broken_off_anywhere_leaves_what_there_was(one: Any, file: Path, tmp_path: Path) -> None:
     with opened(one, file) as tab:
+        hand = Swift(tab)
         tab.click("#tab-study")
-        tab.evaluate("comanip.study.plan.practice = 0")
-        tab.check("#study input[type=checkbox]")
-        tab.click("#study button:has-text('Begin')")
-        settled(tab)
-        tab.click("#study button:has-text('Stop here')")  # at once
+        begins(tab, practice=1)
+        tab.click("#study button:has-text('Stop here')")  # at practice
         assert not read_person(kept_study(tab, "Keep the file", tmp_path / "at-once.jsonl")).trials
         tab.click("#study button:has-text('Another person')")
-        tab.check("#study input[type=checkbox]")
-        tab.click("#study button:has-text('Begin')")
-        settled(tab)
-        leads(tab, random.Random(1), duration_s=2.4, onset_s=0.8)
-        settled(tab)
-        tab.mouse.move(*handle(tab))
-        tab.mouse.down()
+        assert tab.locator("#study input[type=text]").input_value() == "p2"
+        begins(tab, practice=0, trials=1)
+        leads(tab, random.Random(1), duration_s=2.0, onset_s=0.6, hand=hand)
+        until(tab, "document.querySelector('#study fieldset') !== null")
+        tab.locator("#study input[name=ease][value='3']").check(force=True)
+        tab.click("#study button:has-text('Stop here')")  # between two questions
+        person = read_person(kept_study(tab, "Keep the file", tmp_path / "asked.jsonl"))
+        assert (person.complete, len(person.trials), person.answers) == (False, 1, {})
+        tab.click("#study button:has-text('Another person')")
+        begins(tab)
+        hand.down(*handle(tab))
         wait(tab, 1.0)
-        tab.evaluate("comanip.study.close('broken off')")  # in the middle of a lift
-        tab.mouse.up()
+        tab.click("#study button:has-text('Stop here')")  # in the middle of a lift
+        hand.up()
         assert tab.evaluate(LEAVES)
         tab.click("#study button:has-text('Another person')")
         assert tab.locator("#study h2").inner_text() == "Stopped."  # not before it is kept, or asked for twice
         person = read_person(kept_study(tab, "Keep the file", tmp_path / "later.jsonl"))
-        assert (person.complete, len(person.trials)) == (False, 1)
+        assert (person.complete, len(person.trials)) == (False, 0)
         assert not tab.evaluate(LEAVES)
         wait(tab, 3.0)
-        assert tab.evaluate("comanip.study.records.length") == 3  # nothing comes behind the end
+        assert tab.evaluate("comanip.study.records.length") == 2  # nothing comes behind the end
 
 
 def test_it_is_served_here_and_to_nobody_who_calls_it_otherwise(skills: dict[str, LearnedSkill]) -> None:

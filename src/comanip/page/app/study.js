@@ -81,6 +81,7 @@ export class Study {
       role: plan.role, roles: plan.conditions.map(one => this.roleOf(one)), skills: plan.conditions.map(one => this.skillsOf(one)), task: this.page.config.task.name, load_mass_kg: this.page.config.task.mass_kg, load_share: this.page.config.task.share, gravity_m_per_s2: this.page.config.task.gravity,
       axes: this.page.config.task.axes.map(axis => axis.name), consent: true, started: new Date().toISOString(), made_by: "comanip page: a person at a pointer, exact beam",
     }];
+    this.unsaved = true;
     this.stage = plan.practice > 0 ? "practice" : "trials";
     this.show();
     this.next();
@@ -112,7 +113,6 @@ export class Study {
       if (++this.practised >= this.plan.practice) this.stage = "trials";
     } else if (this.stage === "trials") {
       this.records.push(this.record(session));
-      this.unsaved = true;
       if (++this.trial >= this.plan.trials) this.stage = "questions";
     }
     this.show();
