@@ -240,7 +240,11 @@ def test_three_axes_are_carried_with_the_wheel_for_the_third(one: Any, tmp_path:
     write_page({"follower": learn(lessons, role="follower")}, tmp_path / "carry.html", task=task)
     with opened(one, tmp_path / "carry.html") as tab:
         assert "along y" in tab.locator("#depth").inner_text()
-        found = lead(tab, random.Random(6), duration_s=6.0, onset_s=0.8)
+        hand = Swift(tab)
+        hand.dive = Mouse(tab).dive  # type: ignore[method-assign]  # by a real wheel
+        settled(tab)
+        tab.mouse.move(*handle(tab))
+        found = lead(tab, random.Random(6), duration_s=6.0, onset_s=0.8, hand=hand)
         assert found["verdict"]["success"], found["verdict"]
         assert found["take"]["end_position"][-1][1] == pytest.approx(0.2, abs=0.03)
         settled(tab)
