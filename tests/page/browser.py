@@ -20,6 +20,7 @@ CHROMIUM = (
     or shutil.which("google-chrome")
 )
 FORESEEN = 0.8  # share of the way meanwhile
+WHEEL_M_PER_PX = 0.0002  # as app/hands.js
 FRAME_S, STEP_S = 1.0 / 60.0, 1.0 / 20.0  # of what is drawn; of what is done, as by a slow mouse
 # Time that passes when the script says so, a frame at a call: what a person by script does there does not hang on the machine's load.
 STEPPED = """(() => { let now = 0, frames = [], timers = [], id = 0;
@@ -31,6 +32,15 @@ STEPPED = """(() => { let now = 0, frames = [], timers = [], id = 0;
     const drawn = frames; frames = []; drawn.forEach(does => does(now)); } })()"""
 SEEN = """(() => { const b = document.getElementById('scene').getBoundingClientRect(), h = comanip.scene.handle ?? [0, 0];
   return [comanip.session.phase, b.x + h[0], b.y + h[1]] })()"""
+# Frames pass, and the last one is drawn: a person sees no more of a script's.
+PASSES = f"""frames => {{ const drawn = globalThis.comanip ? [comanip.scene, comanip.strips] : [];
+  for (const one of drawn) one.draw = () => {{}};
+  for (let n = 1; n <= frames; n++) {{ if (n === frames) for (const one of drawn) delete one.draw; stepped({1000.0 * FRAME_S}); }}
+  return globalThis.comanip ? {SEEN} : ["", 0, 0] }}"""
+# Stamps of made events are those of a time that stands still; no two of the page's own are alike.
+SWIFT = """([kind, clientX, clientY]) => { const made = new PointerEvent(kind, { pointerId: 9, clientX, clientY, cancelable: true });
+  Object.defineProperty(made, "timeStamp", { value: globalThis.stamped = (globalThis.stamped ?? 0) + 1 });
+  document.getElementById("scene").dispatchEvent(made) }"""
 READY = "html[data-ready=yes]"
 
 
@@ -101,7 +111,7 @@ def wait(tab: Any, seconds: float) -> tuple[str, float, float]:
         return tuple(tab.evaluate(SEEN)) if tab.evaluate("'comanip' in globalThis") else ("", 0.0, 0.0)
     frames = max(round(seconds / FRAME_S), 1)
     tab.passed += frames * FRAME_S
-    return tuple(tab.evaluate(f"(() => {{ for (let n = 0; n < {frames}; n++) stepped({1000.0 * FRAME_S}); return {SEEN} }})()"))  # type: ignore[return-value]
+    return tuple(tab.evaluate(PASSES, frames))
 
 
 def handle(tab: Any) -> tuple[float, float]:
@@ -159,7 +169,7 @@ def leads(
         dx, dy, wanted = (a + (place - n) * (b - a) for a, b in zip(rows[n], rows[n + 1], strict=True))
         hand.move(x + dx + rng.gauss(0.0, 0.4), y + dy + rng.gauss(0.0, 0.4))
         if abs(wanted - deep) > 0.004:
-            tab.mouse.wheel(0.0, (deep - wanted) / 0.0002)
+            hand.dive(deep, wanted)
             deep = wanted
         phase, *_ = wait(tab, STEP_S)
     hand.up()
@@ -191,21 +201,21 @@ def follows(tab: Any, rng: random.Random, *, delay_s: float | None = None, hand:
     hand.up()
 
 
-def teach(tab: Any, role: str, count: int, rng: random.Random) -> int:
+def teach(tab: Any, role: str, count: int, rng: random.Random, hand: Any = None) -> int:
     """`count` lessons of a role, on the tab for teaching; how many tries it took."""
     tab.click("#tab-teach")
     tab.click(f"#teach [data-role={role}]")
     done = f"comanip.teach.lessons.filter(one => one.role === '{role}').length"
     for tries in range(1, 3 * count + 1):
         settled(tab)
-        (follows if role == "leader" else leads)(tab, rng)
+        (follows if role == "leader" else leads)(tab, rng, hand=hand)
         until(tab, "comanip.session.phase !== 'runs'")
         if tab.evaluate(done) >= count:
             return tries
     raise AssertionError(f"{tab.evaluate(done)} lessons as {role} in {3 * count} tries")
 
 
-def studied(tab: Any, number: int, trials: int) -> list[str]:
+def studied(tab: Any, number: int, trials: int, hand: Any = None) -> list[str]:
     """A study by script on its tab: the laws as they were shown, which is not told before the end."""
     tab.evaluate(f"comanip.study.plan.trials = {trials}; comanip.study.plan.practice = 0")
     tab.click("#tab-study")
@@ -213,13 +223,17 @@ def studied(tab: Any, number: int, trials: int) -> list[str]:
     assert tab.locator("#study button.main").is_disabled()  # without consent nothing begins
     tab.check("#study input[type=checkbox]")
     tab.click("#study button:has-text('Begin')")
-    for block in range(3):
+    names = tab.evaluate("comanip.study.plan.conditions.map(one => one.name)")
+    for block in range(len(names)):
         for trial in range(trials):
             settled(tab)
-            assert f"Robot {block + 1} of 3, lift {trial + 1}" in tab.locator("#study h2").inner_text()
-            shown = tab.locator("body").inner_text()
-            assert not any(name in shown for name in ("mass-damper", "damping")), "the law is shown"
-            leads(tab, random.Random(trial), duration_s=2.4, onset_s=0.8)
+            assert f"Robot {block + 1} of {len(names)}, lift {trial + 1}" in tab.locator("#study h2").inner_text()
+            shown = tab.locator("#study").inner_text()
+            assert not any(name in shown for name in names), "the law is shown"
+            if tab.evaluate("comanip.session.setup.asked") == "leader":
+                follows(tab, random.Random(trial), delay_s=0.18, hand=hand)
+            else:
+                leads(tab, random.Random(trial), duration_s=2.4, onset_s=0.8, hand=hand)
         until(tab, "document.querySelector('#study fieldset') !== null")
         for name in ("ease", "predictability"):
             tab.locator(f"#study input[name={name}][value='{6 - block}']").check(force=True)
@@ -257,24 +271,65 @@ class Mouse:
     def move(self, x: float, y: float) -> None:
         self.tab.mouse.move(x, y)
 
+    def dive(self, before: float, wanted: float) -> None:
+        self.tab.mouse.wheel(0.0, (before - wanted) / WHEEL_M_PER_PX)
+
     def up(self) -> None:
         self.tab.mouse.up()
 
 
 class Finger:
-    """Real touch events, through the browser's own protocol."""
+    """Real touch events, through the browser's own protocol; a second finger moves into the picture."""
 
     def __init__(self, tab: Any) -> None:
-        self.session = tab.context.new_cdp_session(tab)
+        self.tab, self.session = tab, tab.context.new_cdp_session(tab)
+        self.points: dict[int, tuple[float, float]] = {}
 
-    def _send(self, kind: str, points: list[dict[str, float]]) -> None:
+    def _send(self, kind: str) -> None:
+        points = [{"id": n, "x": x, "y": y} for n, (x, y) in self.points.items()]
         self.session.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
 
     def down(self, x: float, y: float) -> None:
-        self._send("touchStart", [{"x": x, "y": y}])
+        self.points = {0: (x, y)}
+        self._send("touchStart")
 
     def move(self, x: float, y: float) -> None:
-        self._send("touchMove", [{"x": x, "y": y}])
+        self.points[0] = (x, y)
+        self._send("touchMove")
+
+    def dive(self, before: float, wanted: float) -> None:
+        if 1 not in self.points:
+            x, y = self.points[0]
+            self.points[1] = (x - 70.0, y)
+            self._send("touchStart")
+        x, y = self.points[1]
+        self.points[1] = (x, y + (before - wanted) * self.tab.evaluate("comanip.scene.scale"))
+        self._send("touchMove")
 
     def up(self) -> None:
-        self._send("touchEnd", [])
+        self.points = {}
+        self._send("touchEnd")
+
+
+class Swift:
+    """Events that are made in the page: a real mouse's wait for a frame of the browser each, and a lift has a hundred."""
+
+    def __init__(self, tab: Any) -> None:
+        self.tab = tab
+        tab.evaluate("document.getElementById('scene').setPointerCapture = () => {}")  # there is no such pointer to capture
+
+    def _send(self, kind: str, x: float, y: float) -> None:
+        self.tab.evaluate(SWIFT, [kind, x, y])
+
+    def down(self, x: float, y: float) -> None:
+        self._send("pointerdown", x, y)
+
+    def move(self, x: float, y: float) -> None:
+        self._send("pointermove", x, y)
+
+    def dive(self, before: float, wanted: float) -> None:
+        turned = f"new WheelEvent('wheel', {{ deltaY: {(before - wanted) / WHEEL_M_PER_PX}, cancelable: true }})"
+        self.tab.evaluate(f"document.getElementById('scene').dispatchEvent({turned})")
+
+    def up(self) -> None:
+        self._send("pointerup", 0.0, 0.0)

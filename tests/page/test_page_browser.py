@@ -29,6 +29,7 @@ from comanip.web.report import _lift
 from page.browser import (  # fmt: skip
     Finger,
     Mouse,
+    Swift,
     browser,
     follow,
     handle,
@@ -67,6 +68,8 @@ REACHABLE = """name => { const wrong = []; for (const one of document.querySelec
     if (r.width < 8 || r.left < -1 || r.right > innerWidth + 1 || y < 0 || y > innerHeight) wrong.push(one.outerHTML.slice(0, 90));
     else { const seen = document.elementFromPoint(x, y); if (!(seen && (one.contains(seen) || seen.contains(one) || seen.closest('label')?.contains(one) || one.matches('canvas')))) wrong.push('covered: ' + one.outerHTML.slice(0, 90)) } }
   if (document.documentElement.scrollWidth > innerWidth) wrong.push('wider than the screen'); scrollTo(0, 0); return wrong }"""
+# whether the browser asks before it leaves the page
+LEAVES = "(() => { const leaves = new Event('beforeunload', { cancelable: true }); dispatchEvent(leaves); return leaves.defaultPrevented })()"
 # median time between frames, over 30 of them
 FRAME_MS = """() => new Promise(done => { const at = []; const next = t => { at.push(t); at.length > 30
     ? done(at.slice(1).map((t, i) => t - at[i]).sort((a, b) => a - b)[15]) : requestAnimationFrame(next) }; requestAnimationFrame(next) })"""
@@ -110,6 +113,30 @@ def test_the_hand_moves_in_the_next_frames_after_the_pointer(one: Any, file: Pat
         assert latencies[len(latencies) // 2] < 4.0 * tab.evaluate(FRAME_MS)
 
 
+LATER = """(([ms, stamp, x, y]) => { const was = performance.now, before = comanip.session.world.get("time_s"); performance.now = () => was() + ms;
+  const made = new PointerEvent("pointermove", { pointerId: 9, clientX: x, clientY: y }); Object.defineProperty(made, "timeStamp", { value: stamp });
+  document.getElementById("scene").dispatchEvent(made); performance.now = was;
+  return [1000 * (comanip.session.world.get("time_s") - before), comanip.hands.now[1]] })"""
+
+
+def test_the_world_goes_on_with_an_event_of_the_pointer_before_the_next_frame(one: Any, file: Path) -> None:
+    with opened(one, file) as tab:
+        settled(tab)
+        (x, y), hand = handle(tab), Swift(tab)
+        hand.down(x, y)
+        hand.move(x, y)
+        wait(tab, 1.0)
+        passed, at = tab.evaluate(LATER, [20, 1e6, x, y - 5.0])
+        assert passed == pytest.approx(20.0, abs=10.0)  # to the robot's tick
+        assert at == y - 5.0
+        assert tab.evaluate(LATER, [40, 1e6, x, y - 5.0])[0] == 0.0  # the same movement, told again
+        assert tab.evaluate(LATER, [60, 1e6 - 1.0, x, y])[1] == y - 5.0  # an older one
+        assert tab.evaluate(LATER, [80, 1e6, x, y - 9.0])[1] == y - 9.0  # where stamps are coarse it may be another
+        before = tab.evaluate("comanip.session.world.get('time_s')")
+        wait(tab, 0.05)  # what has passed does not pass again
+        assert tab.evaluate("comanip.session.world.get('time_s')") - before <= 0.05
+
+
 def test_a_person_who_goes_along_is_led_to_the_end_and_pulls_no_more(one: Any, file: Path) -> None:
     with opened(one, file) as tab:
         tab.click("#roles [data-role=leader]")
@@ -130,8 +157,12 @@ def test_the_handle_is_drawn_where_it_is(one: Any, file: Path) -> None:
 
 def test_a_finger_lifts_on_a_phone_where_everything_is_reachable(one: Any, file: Path) -> None:
     with opened(one, file, **PHONE) as tab:
-        found = lead(tab, random.Random(4), duration_s=2.6, onset_s=1.0, hand=Finger(tab))
+        tab.evaluate("(() => { globalThis.shakes = []; navigator.vibrate = ms => { shakes.push(ms); return true } })()")
+        found = lead(tab, random.Random(4), duration_s=2.0, onset_s=1.0, hand=Finger(tab))
         assert found["verdict"]["success"], found["verdict"]
+        shakes = tab.evaluate("shakes")
+        assert shakes
+        assert all(11 <= ms <= 38 for ms in shakes), shakes
         until(tab, "document.getElementById('verdict').hidden")
         for name in ("teach", "study", "understand", "about", "lift"):
             tab.tap(f"#tab-{name}")
@@ -159,6 +190,42 @@ def test_keys_alone_lift(role: str, one: Any, file: Path) -> None:
         assert verdict["success"], verdict
 
 
+PAD = """(() => { const effects = globalThis.effects = [];
+  globalThis.pad = { connected: true, buttons: [{ pressed: false }], axes: [0, 0, 0, 0], vibrationActuator: { playEffect: (kind, about) => { effects.push(about.strongMagnitude); return Promise.resolve() } } };
+  navigator.getGamepads = () => [null, globalThis.pad] })()"""
+
+
+HUM = "(() => { globalThis.loud = []; comanip.sound.loud.gain.setTargetAtTime = value => loud.push(value) })()"
+
+
+def test_a_gamepad_lifts_rumbles_and_hums_with_the_force(one: Any, file: Path) -> None:
+    with opened(one, file) as tab:
+        tab.evaluate(PAD)
+        tab.click("#sound")
+        assert tab.get_attribute("#sound", "aria-pressed") == "true"
+        tab.evaluate(HUM)
+        settled(tab)
+        for pressed in ("true", "false"):
+            tab.evaluate(f"pad.buttons[0].pressed = {pressed}")
+            wait(tab, 0.1)
+        assert tab.evaluate("[comanip.hands.kind, comanip.session.phase]") == ["gamepad", "runs"]
+        tab.evaluate("pad.axes = [0, -0.1, 0, 0]")  # a stick that does not come back to its middle
+        wait(tab, 0.9)
+        assert abs(tab.evaluate("comanip.hands.target[0]")) < 0.01
+        tab.evaluate("pad.axes[1] = -0.7")
+        until(tab, "comanip.hands.target[0] > comanip.session.setup.goal[0] - 0.01", step_s=1.0 / 60.0)
+        tab.evaluate("pad.axes[1] = 0")
+        until(tab, "comanip.takes.length === 1", 20.0)
+        verdict = tab.evaluate("comanip.takes[0].verdict")
+        assert verdict["success"], verdict
+        effects = tab.evaluate("effects")
+        assert effects
+        assert all(0.12 <= strength <= 1.0 for strength in effects)
+        loud = tab.evaluate("loud")
+        assert max(loud) > 0.005  # 1 N and more
+        assert loud[-1] == 0.0
+
+
 def test_every_control_has_a_name(one: Any, file: Path) -> None:
     with opened(one, file) as tab:
         nameless = tab.evaluate(
@@ -173,7 +240,11 @@ def test_three_axes_are_carried_with_the_wheel_for_the_third(one: Any, tmp_path:
     write_page({"follower": learn(lessons, role="follower")}, tmp_path / "carry.html", task=task)
     with opened(one, tmp_path / "carry.html") as tab:
         assert "along y" in tab.locator("#depth").inner_text()
-        found = lead(tab, random.Random(6), duration_s=6.0, onset_s=0.8)
+        hand = Swift(tab)
+        hand.dive = Mouse(tab).dive  # type: ignore[method-assign]  # by a real wheel
+        settled(tab)
+        tab.mouse.move(*handle(tab))
+        found = lead(tab, random.Random(6), duration_s=6.0, onset_s=0.8, hand=hand)
         assert found["verdict"]["success"], found["verdict"]
         assert found["take"]["end_position"][-1][1] == pytest.approx(0.2, abs=0.03)
         settled(tab)
@@ -185,6 +256,23 @@ def test_three_axes_are_carried_with_the_wheel_for_the_third(one: Any, tmp_path:
         tab.keyboard.up("e")
         assert tab.evaluate("comanip.hands.target[1]") > 0.08
         assert abs(tab.evaluate("comanip.hands.target[0]")) < 0.03
+        tab.keyboard.press("Space")
+        settled(tab)
+        hand, at = Finger(tab), handle(tab)
+        hand.down(*at)
+        wait(tab, 0.6)
+        hand.dive(0.0, 0.05)  # a second finger, and a third that changes nothing
+        hand.points[2] = (at[0] - 100.0, at[1] + 30.0)
+        hand._send("touchStart")
+        wait(tab, 0.1)
+        assert tab.evaluate("comanip.hands.deep") == pytest.approx(0.05, abs=0.005)
+        del hand.points[1]
+        hand._send("touchMove")
+        wait(tab, 0.1)
+        assert tab.evaluate("comanip.hands.kind") == "pointer"  # the first still holds
+        hand.up()
+        wait(tab, 0.1)
+        assert tab.evaluate("comanip.hands.target") is None
 
 
 def test_letting_go_is_noticed_said_and_ended_by_going_on(one: Any, file: Path) -> None:
@@ -235,13 +323,38 @@ def test_names_with_markup_are_text_and_a_damaged_skill_is_one_line(
         assert nasty[:20] in file.read_text() or "\\u003c/script" in file.read_text()
 
 
-def test_lessons_taught_there_are_kept_opened_again_and_learned_from(one: Any, file: Path, tmp_path: Path) -> None:
+def test_lessons_taught_there_are_learned_from_kept_and_opened_again(one: Any, file: Path, tmp_path: Path) -> None:
     with opened(one, file) as tab:
-        teach(tab, "leader", 1, random.Random(7))
-        for label, suffix in (("Keep all as CSV", ".csv"), ("Keep all as MCAP", ".mcap")):
+        hand = Swift(tab)
+        teach(tab, "leader", 2, random.Random(7), hand)
+        tab.click("#teach button:has-text('Learn from these')")
+        assert "learned from 2 lessons" in tab.locator("#say").inner_text()
+        assert tab.evaluate("[comanip.mode, comanip.role, comanip.skills.leader.provenance.lessons.length]") == [
+            "lift",
+            "leader",
+            2,
+        ]
+        found = follow(tab, random.Random(8), delay_s=0.18, hand=hand)
+        assert found["verdict"]["success"], found["verdict"]
+        tab.click("#tab-teach")
+        with tab.expect_download() as kept:
+            tab.click("#teach button:has-text('Keep the skill')")
+        kept.value.save_as(tmp_path / "leader.json")
+        kept_skill = skill_file.load(tmp_path / "leader.json")
+        tab.click("#tab-about")
+        assert skill_file.to_json(kept_skill)["sha256"][:12] in tab.locator("#about").inner_text()
+        tab.click("#tab-teach")
+        assert tab.evaluate(LEAVES)  # the lessons themselves are not kept yet
+        settled(tab)
+        tab.locator("[aria-label='Delete leader-2']").click()
+        for suffix in (".csv", ".mcap"):
             with tab.expect_download() as kept:
-                tab.click(f"#teach button:has-text('{label}')")
-            kept.value.save_as(tmp_path / f"<img src=x>lesson{suffix}")
+                tab.click(f"#teach button:has-text('Keep all as {suffix[1:].upper()}')")
+            kept.value.save_as(tmp_path / "lessons.zip")
+            with zipfile.ZipFile(tmp_path / "lessons.zip") as bundled:
+                assert bundled.namelist() == [f"leader-1{suffix}"]
+                (tmp_path / f"<img src=x>lesson{suffix}").write_bytes(bundled.read(f"leader-1{suffix}"))
+            assert not tab.evaluate(LEAVES)
             (recording,) = read(tmp_path / f"<img src=x>lesson{suffix}")
             assert recording.metadata["role"] == "leader"
             (demonstration,) = demonstrations([recording], rate_hz=100.0)
@@ -263,50 +376,86 @@ def test_lessons_taught_there_are_kept_opened_again_and_learned_from(one: Any, f
         assert tab.evaluate("comanip.teach.lessons.length") == 2
 
 
-def test_a_study_by_script_is_blind_complete_and_analysed(one: Any, file: Path, tmp_path: Path) -> None:
-    with opened(one, file) as tab:
-        order = studied(tab, 4, trials=1)
+STUDY = """[[conditions]]
+name = "ours <img src=x>"
+skill = "follower.json"
+[[conditions]]
+name = "led"
+role = "leader"
+skill = "leader.json"
+[[conditions]]
+name = "mass-damper"
+mass_kg = 6
+damping_ns_per_m = 20
+"""
+
+
+def test_a_study_of_robots_of_ones_own_by_script_is_blind_complete_and_analysed(
+    one: Any, skills: dict[str, LearnedSkill], tmp_path: Path
+) -> None:
+    for role, skill in skills.items():
+        skill_file.save(skill, tmp_path / f"{role}.json")
+    (tmp_path / "study.toml").write_text(STUDY)
+    write_page(skills, tmp_path / "lift.html", study=tmp_path / "study.toml")
+    with opened(one, tmp_path / "lift.html") as tab:
+        order = studied(tab, 4, trials=1, hand=Swift(tab))
         assert tab.title() == "Lift with the robot"
+        assert tab.locator("#study img").count() == 0
         person = read_person(kept_study(tab, "Keep the file", tmp_path / "p.jsonl"))
         with zipfile.ZipFile(kept_study(tab, "as MCAP", tmp_path / "p.zip")) as bundled:
             assert bundled.testzip() is None
             assert bundled.read("study.jsonl") == (tmp_path / "p.jsonl").read_bytes()
             bundled.extractall(tmp_path / "trials")
         trials = {file.name: read(file)[0] for file in (tmp_path / "trials").glob("*.mcap")}
-        assert set(trials) == {f"{name}-1.mcap" for name in order}
-        assert trials[f"{order[0]}-1.mcap"].metadata["condition"] == order[0]
+        assert len(trials) == 3
+        assert trials["led-1.mcap"].metadata["condition"] == "led"
+    assert order == ["mass-damper", "led", "ours <img src=x>"]
     assert person.complete
     assert all(trial["verdict"]["success"] for trial in person.trials), [trial["verdict"]["failures"] for trial in person.trials]
-    assert sorted(person.about["order"]) == sorted(["default", "mass-damper", "damping"])
-    assert {t["condition"] for t in person.trials} == set(person.about["order"])
+    assert {t["condition"] for t in person.trials} == set(order)
+    assert person.about["roles"] == ["follower", "leader", "follower"]
+    assert person.about["skills"][0] == [skill_file.to_json(skills["follower"])["sha256"]]
     assert person.prefers == person.about["order"][0] == order[0]
     assert json.loads((tmp_path / "p.jsonl").read_text().splitlines()[1])["channels"]["position"]
 
 
-def test_a_study_that_is_broken_off_leaves_what_there_was(one: Any, file: Path, tmp_path: Path) -> None:
+def begins(tab: Any, **plan: int) -> None:
+    tab.evaluate(f"Object.assign(comanip.study.plan, {json.dumps(plan)})")
+    tab.check("#study input[type=checkbox]")
+    tab.click("#study button:has-text('Begin')")
+    settled(tab)
+
+
+def test_a_study_that_is_broken_off_anywhere_leaves_what_there_was(one: Any, file: Path, tmp_path: Path) -> None:
     with opened(one, file) as tab:
+        hand = Swift(tab)
         tab.click("#tab-study")
-        tab.evaluate("comanip.study.plan.practice = 0")
-        tab.check("#study input[type=checkbox]")
-        tab.click("#study button:has-text('Begin')")
-        settled(tab)
-        tab.click("#study button:has-text('Stop here')")  # at once
+        begins(tab, practice=1)
+        tab.click("#study button:has-text('Stop here')")  # at practice
         assert not read_person(kept_study(tab, "Keep the file", tmp_path / "at-once.jsonl")).trials
         tab.click("#study button:has-text('Another person')")
-        tab.check("#study input[type=checkbox]")
-        tab.click("#study button:has-text('Begin')")
-        settled(tab)
-        leads(tab, random.Random(1), duration_s=2.4, onset_s=0.8)
-        settled(tab)
-        tab.mouse.move(*handle(tab))
-        tab.mouse.down()
+        assert tab.locator("#study input[type=text]").input_value() == "p2"
+        begins(tab, practice=0, trials=1)
+        leads(tab, random.Random(1), duration_s=2.0, onset_s=0.6, hand=hand)
+        until(tab, "document.querySelector('#study fieldset') !== null")
+        tab.locator("#study input[name=ease][value='3']").check(force=True)
+        tab.click("#study button:has-text('Stop here')")  # between two questions
+        person = read_person(kept_study(tab, "Keep the file", tmp_path / "asked.jsonl"))
+        assert (person.complete, len(person.trials), person.answers) == (False, 1, {})
+        tab.click("#study button:has-text('Another person')")
+        begins(tab)
+        hand.down(*handle(tab))
         wait(tab, 1.0)
-        tab.evaluate("comanip.study.close('broken off')")  # in the middle of a lift
-        tab.mouse.up()
+        tab.click("#study button:has-text('Stop here')")  # in the middle of a lift
+        hand.up()
+        assert tab.evaluate(LEAVES)
+        tab.click("#study button:has-text('Another person')")
+        assert tab.locator("#study h2").inner_text() == "Stopped."  # not before it is kept, or asked for twice
         person = read_person(kept_study(tab, "Keep the file", tmp_path / "later.jsonl"))
-        assert (person.complete, len(person.trials)) == (False, 1)
+        assert (person.complete, len(person.trials)) == (False, 0)
+        assert not tab.evaluate(LEAVES)
         wait(tab, 3.0)
-        assert tab.evaluate("comanip.study.records.length") == 3  # nothing comes behind the end
+        assert tab.evaluate("comanip.study.records.length") == 2  # nothing comes behind the end
 
 
 def test_it_is_served_here_and_to_nobody_who_calls_it_otherwise(skills: dict[str, LearnedSkill]) -> None:

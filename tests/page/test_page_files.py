@@ -143,8 +143,16 @@ answer(said);
 OPENS = {"recordings": "csvOf, lessonOf, readCsv, within", "mcap": "mcapOf, readMcap"}
 
 
+def thinned(recording: Recording, stride: int = 5) -> Recording:
+    """Every fifth frame of a lesson: files are as good, and read in a fifth of the time."""
+    of = {n: Channel(c.time[::stride], c.values[::stride], c.unit, c.frame, c.axes) for n, c in recording.channels.items()}
+    return Recording(of, recording.metadata)
+
+
 def test_lessons_of_comanip_are_opened_trimmed_and_kept_with_nothing_lost(tmp_path: Path) -> None:
-    recording = teach("leader", 1, rng=np.random.default_rng(3))[0].with_metadata(note="<img src=x onerror=alert(1)> ä\u2028")
+    recording = thinned(teach("leader", 1, rng=np.random.default_rng(3))[0]).with_metadata(
+        note="<img src=x onerror=alert(1)> ä\u2028"
+    )
     slow = recording["hand.position"]
     mixed = Recording(
         {**recording.channels, 'camera, "x"': Channel(slow.time[::7], slow.values[::7], "m", "room", slow.axes)},
@@ -168,7 +176,7 @@ def test_lessons_of_comanip_are_opened_trimmed_and_kept_with_nothing_lost(tmp_pa
 
 
 def test_what_is_no_lesson_is_one_clear_line(tmp_path: Path) -> None:
-    recording = teach("leader", 1, rng=np.random.default_rng(3))[0]
+    recording = thinned(teach("leader", 1, rng=np.random.default_rng(3))[0])
     write(recording, tmp_path / "fine.csv")
     write(recording, tmp_path / "packed.mcap")
     fine, packed, nasty = (
@@ -187,7 +195,7 @@ def test_what_is_no_lesson_is_one_clear_line(tmp_path: Path) -> None:
         "table.csv": (f"time,{nasty}\n0,1\n".encode(), "no recording of comanip"),
         "digit.csv": (fine.replace("0.85", "0.86", 1).encode(), "checksum"),
         "head.csv": (unsigned.replace('"channels"', nasty, 1).encode(), "damaged comanip header"),
-        "cell.csv": (unsigned.replace("\n0.001,", f"\n{nasty},", 1).encode(), "is not a number"),
+        "cell.csv": (unsigned.replace("\n0.005,", f"\n{nasty},", 1).encode(), "is not a number"),
         "cut.csv": (unsigned[: len(unsigned) // 2].encode(), "cells, want"),
         "proto.csv": (unsigned.replace('"metadata": {', '"metadata": {"__proto__": {"polluted": 1}, ', 1).encode(), ""),
         "mm.csv": ((tmp_path / "mm.csv").read_bytes(), "want m"),

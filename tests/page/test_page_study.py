@@ -9,9 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from comanip.errors import RecordingError
+from comanip.errors import ParameterError, RecordingError
 from comanip.formats import read
+from comanip.learned import file as skill_file
+from comanip.page.conditions import read_plan
+from comanip.page.numbers import encoded, numbers, robot
 from comanip.page.study import ENOUGH, analysis, difference, read_person, recordings
+from comanip.tasks import named
 from page.node import ran
 from pictures import is_drawn
 
@@ -184,8 +188,7 @@ def test_the_command_line_makes_a_page_and_says_what_it_cannot(
     skills, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from comanip.commands.app import app
-    from comanip.errors import MismatchError, ParameterError
-    from comanip.learned import file as skill_file
+    from comanip.errors import MismatchError
 
     files = [tmp_path / f"{role}.json" for role in skills]
     for role, file in zip(skills, files, strict=True):
@@ -203,5 +206,86 @@ def test_the_command_line_makes_a_page_and_says_what_it_cannot(
         where = [] if "-o" in more else ["-o", out]
         with pytest.raises((ParameterError, MismatchError), match=says):
             app(["export", *map(str, files), "--to", "page", *where, *more], result_action="return_value")
-    with pytest.raises(ParameterError, match="--task is for --to page"):
-        app(["export", str(files[0]), "--to", "c", "--task", "lift", "-o", str(tmp_path / "x.c")], result_action="return_value")
+    for flag, value in (("--task", "lift"), ("--study", "study.toml")):
+        with pytest.raises(ParameterError, match=f"{flag} is for --to page"):
+            app(["export", str(files[0]), "--to", "c", flag, value, "-o", str(tmp_path / "x.c")], result_action="return_value")
+
+
+PLAN = """trials = 2
+practice = 0
+role = "follower"
+[[conditions]]
+name = "<b>ours"
+skill = "follower.json"
+law = "even"
+[[conditions]]
+name = "led"
+role = "leader"
+skill = "leader.json"
+[[conditions]]
+name = "told nothing"
+role = "auto"
+skill = ["leader.json", "follower.json"]
+[[conditions]]
+name = "damper"
+damping_ns_per_m = 40
+mass_kg = 0
+"""
+
+
+@pytest.fixture(scope="module")
+def plans(skills, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a leader and a follower, for studies to compare."""
+    folder = tmp_path_factory.mktemp("plans")
+    for role in ("leader", "follower"):
+        skill_file.save(skills[role], folder / f"{role}.json")
+    return folder
+
+
+def test_a_study_compares_what_its_file_names_each_told_its_own_role(skills, plans: Path) -> None:
+    (plans / "study.toml").write_text(PLAN)
+    task = named("lift")
+    plan = read_plan(plans / "study.toml", task, dt=0.01)
+    assert (plan["trials"], plan["practice"], plan["role"]) == (2, 0, "follower")
+    ours, led, auto, damper = plan["conditions"]
+    assert [one["name"] for one in plan["conditions"]] == ["<b>ours", "led", "told nothing", "damper"]
+    assert [one["role"] for one in plan["conditions"]] == ["follower", "leader", "auto", "follower"]
+    for one, role, law in ((ours, "follower", "even"), (led, "leader", None), (auto, "auto", None)):
+        assert one["robot"]["numbers"] == encoded(numbers(robot(skills, role, dt=0.01, law=law), task))
+    assert ours["robot"]["numbers"] != encoded(numbers(robot(skills, "follower", dt=0.01), task))
+    assert led["ends"] == (skills["leader"].ends - task.start).tolist()
+    assert len(auto["sha256"]) == 2
+    assert damper["robot"] == {"kind": "mass-damper", "kg": 0.0, "ns_per_m": 40.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "other", "says"),
+    [
+        ("trials = 2", "trials = true", "trials: is True; allowed: whole numbers from 1"),
+        ("trials = 2", "trials = 0", "trials: is 0"),
+        ("trials = 2", "trails = 2", "trails: unknown key; there are: trials"),
+        ('role = "follower"\n[', 'role = "both"\n[', "role: is 'both'; allowed: leader, follower, auto"),
+        ('"<b>ours"', '" "', r"conditions\[1\].name: must be a text"),
+        ('"led"', '"damper"', r"conditions\[4\].name: 'damper' stands there twice"),
+        ('"follower.json"\nlaw', '"none.json"\nlaw', r"conditions\[1\].skill: .*none.json: cannot be read"),
+        ('"follower.json"\nlaw', '"leader.json"\nlaw', r"conditions\[1\].skill: role is 'follower': give follower; got 'leader'"),
+        ('["leader.json", "follower.json"]', '"leader.json"', r"conditions\[3\].skill: role is 'auto': give follower and leader"),
+        ('["leader.json", "follower.json"]', "[1]", r"conditions\[3\].skill: must be a file"),
+        ('law = "even"', 'law = "evn"', r"conditions\[1\]: law 'evn' is unknown"),
+        ('law = "even"', 'law = "paper"', r"conditions\[1\]: the page runs the default law alone"),
+        ('law = "even"', "mass_kg = 2", r"conditions\[1\].mass_kg: a robot with a skill has none"),
+        ("mass_kg = 0", "mass_kg = -1", r"conditions\[4\].mass_kg: is -1; allowed: a number from 0"),
+        ("mass_kg = 0", "mass_kg = nan", r"conditions\[4\].mass_kg: is nan"),
+        ("damping_ns_per_m = 40", "damping_ns_per_m = 0", r"conditions\[4\]: mass_kg and damping_ns_per_m are both 0"),
+        ("mass_kg = 0", 'mass_kg = 0\nrole = "leader"', r"conditions\[4\].role: is 'leader', and a robot without a skill"),
+        (PLAN, "trials = 2", "conditions: a study compares 2 to 6"),
+        (PLAN, "[[", "not TOML"),
+    ],
+)
+def test_a_study_that_cannot_be_is_one_line_with_file_and_key(text: str, other: str, says: str, plans: Path) -> None:
+    assert text in PLAN
+    (plans / "wrong.toml").write_text(PLAN.replace(text, other, 1))
+    with pytest.raises(ParameterError, match=says) as said:
+        read_plan(plans / "wrong.toml", named("lift"), dt=0.01)
+    assert str(plans / "wrong.toml") in str(said.value)
+    assert "\n" not in str(said.value)

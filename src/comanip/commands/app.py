@@ -280,6 +280,7 @@ def export(
         str | None, Parameter(help="One number an axis [m/s^2], e.g. 0,0,-9.81; default: down the axis named z.")
     ] = None,
     task: Annotated[str | None, Parameter(help="page: what is carried (comanip tasks), or your own .toml; default lift.")] = None,
+    study: Annotated[Path | None, Parameter(help="page: what a study on it compares, .toml (docs/page.md).")] = None,
     out: Annotated[Path | None, Parameter(name=["--out", "-o"], help="Default: the skill's name, here.")] = None,
     overwrite: Overwrite = False,
     json: Json = False,
@@ -288,7 +289,7 @@ def export(
     from . import exporting as command
 
     command.export(
-        skill, to, out, role, law, dt, goal, mass_kg, load_share, tare_s, force_delay_ms, gravity, task, overwrite, json
+        skill, to, out, role, law, dt, goal, mass_kg, load_share, tare_s, force_delay_ms, gravity, task, study, overwrite, json
     )
 
 

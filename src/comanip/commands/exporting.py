@@ -34,13 +34,18 @@ def export(
     force_delay_ms: float,
     gravity: str | None,
     task: str | None,
+    study: Path | None,
     overwrite: bool,
     json: bool,
 ) -> None:
     target = known("target", to, EXPORTS)
     if to == "page":
-        export_page(paths, out, task, {"--role": role, "--law": law, "--goal": goal, "--gravity": gravity}, overwrite, json)
+        export_page(
+            paths, out, task, study, {"--role": role, "--law": law, "--goal": goal, "--gravity": gravity}, overwrite, json
+        )
         return
+    if study is not None:
+        raise ParameterError(f"--study is for --to page; --to {to} makes a controller")
     if task is not None:
         raise ParameterError(f"--task is for --to page; --to {to} takes the object by --mass-kg, --load-share and --gravity")
     skills = {path: skill_file.load(path) for path in paths}

@@ -16,7 +16,13 @@ from .outputs import may_write
 
 
 def export_page(
-    files: Sequence[Path], out: Path | None, task: str | None, others: Mapping[str, Any], overwrite: bool, json: bool
+    files: Sequence[Path],
+    out: Path | None,
+    task: str | None,
+    study: Path | None,
+    others: Mapping[str, Any],
+    overwrite: bool,
+    json: bool,
 ) -> None:
     """`others`: flags of other targets; a page has every role, and the object of its task."""
     from ..page.export import write_page
@@ -27,7 +33,7 @@ def export_page(
     if out.suffix.lower() != ".html":
         raise ParameterError(f"-o {out}: --to page ends in .html; name another")
     may_write([out], inputs=files, overwrite=overwrite)
-    write_page(skills_by_role(files), out, task=task)
+    write_page(skills_by_role(files), out, task=task, study=study)
     if json:
         print_json({"files": [str(out)], "bytes": out.stat().st_size})
         return
@@ -48,14 +54,14 @@ def skills_by_role(files: Sequence[Path]) -> dict[str, LearnedSkill]:
     return found
 
 
-def page(files: Sequence[Path], task: str | None, port: int) -> None:
+def page(files: Sequence[Path], task: str | None, study: Path | None, port: int) -> None:
     from ..page.export import page as made
     from ..page.serve import serve
 
     if not 0 <= port <= 65535:
         raise ParameterError(f"--port is from 0 (any that is free) to 65535; got {port}")
     skills = skills_by_role(files) if files else _taught(task or "lift")
-    text = made(skills, task=task)
+    text = made(skills, task=task, study=study)
     try:
         serve(text, port, lambda where: say(f"{where}  (Ctrl-C ends it)"))
     except OSError as error:

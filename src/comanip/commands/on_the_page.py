@@ -13,12 +13,13 @@ def page(
     /,
     *,
     task: Annotated[str | None, Parameter(help="What is carried (comanip tasks), or your own .toml; default lift.")] = None,
+    study: Annotated[Path | None, Parameter(help="What a study on it compares, .toml (docs/page.md).")] = None,
     port: Annotated[int, Parameter(help="0: any that is free.")] = 0,
 ) -> None:
     """Serve the page of `export --to page` on 127.0.0.1; without skills, of simulated lessons. Ctrl-C ends it."""
     from . import lifting as command
 
-    command.page(skill, task, port)
+    command.page(skill, task, study, port)
 
 
 def study(

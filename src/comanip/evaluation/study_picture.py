@@ -45,6 +45,7 @@ def _differences(panel: Any, differences: Mapping[str, Any], more_is_better: boo
             panel.plot([d.low, d.high], [n, n], color=colour, lw=1.6)
         panel.plot([d.mean], [n], marker=marker, color=colour, ms=6)
     panel.margins(x=0.15)
+    panel.locator_params(axis="x", nbins=3, steps=[1, 2, 5, 10])
     panel.set_ylim(len(differences) - 0.5, -0.5)
 
 

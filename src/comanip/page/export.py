@@ -20,13 +20,14 @@ from ..learned.skill import LearnedSkill
 from ..tasks import Task, named
 from ..tasks.way import spread, usual, way
 from ..whole_file import write_whole
-from .numbers import EXPECTED_DELAY_S, constants, numbers, robot, roles
+from .conditions import read_plan, usual_plan
+from .numbers import EXPECTED_DELAY_S, constants, encoded, numbers, robot, roles
 from .person import Hand
 
 DT_S, WAY_STEP_S = 0.01, 0.02
 MODULES = (
     "files", "recordings", "mcap", "engine", "scene", "hands", "sound", "judge", "strips", "session", "prepare", "skillfile",
-    "em", "teach", "study", "understand", "about", "main",
+    "em", "learn", "teach", "study", "understand", "about", "main",
 )  # fmt: skip
 # of the exact beam and its sensor, as plants.beam has them
 ROBOT = {
@@ -34,11 +35,6 @@ ROBOT = {
     "actuator_lag_s": 0.02, "noise_n": 0.2, "bias_n": 0.0, "delay_s": 0.005, "expected_delay_s": EXPECTED_DELAY_S,
     "v_max_m_per_s": 0.8, "a_max_m_per_s2": 10.0,
 }  # fmt: skip
-CONSENT = (
-    "You carry a beam with three simulated robots, a few lifts each, and answer two questions about each. It takes about ten "
-    "minutes. Your movements and answers are kept in this page alone until you keep them as a file yourself; nothing is sent "
-    "anywhere, and no name is asked. You may stop at any time, without a reason."
-)
 ABOUT = [
     "You hold one end of a beam, a robot the other. The robot learned to lead and to follow from a few lessons. Its whole skill "
     "(force estimate, model, law, roles) and its whole safety envelope are computed in this page, by the same C that comanip "
@@ -53,15 +49,25 @@ _IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const|let)\b)", re.MULTILINE)
 
 
-def write_page(skills: Mapping[str, LearnedSkill], out: Path, *, task: str | Path | None = None, seed: int = 1) -> None:
+def write_page(
+    skills: Mapping[str, LearnedSkill], out: Path, *, task: str | Path | None = None, seed: int = 1, study: Path | None = None
+) -> None:
     """Writes the page for skills by role ("leader", "follower", "natural") to `out`."""
-    write_whole(out, page(skills, task=task, seed=seed))
+    write_whole(out, page(skills, task=task, seed=seed, study=study))
 
 
-def page(skills: Mapping[str, LearnedSkill], *, task: str | Path | None = None, seed: int = 1, title: str = "") -> str:
+def page(
+    skills: Mapping[str, LearnedSkill],
+    *,
+    task: str | Path | None = None,
+    seed: int = 1,
+    title: str = "",
+    study: Path | None = None,
+) -> str:
     """The page as text.
 
     task   what is carried, and from where: a name of `parts.TASKS`, or a file; None: the one the lessons state, else lift
+    study  a TOML file of the robots that a study compares (conditions.py); None: the skill, a mass-damper and a damper
     Raises MismatchError where the skills' axes are not the task's, or turn.
     """
     if not skills:
@@ -77,7 +83,7 @@ def page(skills: Mapping[str, LearnedSkill], *, task: str | Path | None = None, 
         "numbers": _numbers(skills, known),
         "prepare": constants(known, dt=DT_S),
         "energy_j": 3.0,
-        "study": _study(skills),
+        "study": read_plan(study, known, dt=DT_S) if study else usual_plan(skills),
         "about": ABOUT,
         "wasm": base64.b64encode(_read_bytes("page.wasm")).decode(),
     }
@@ -94,28 +100,6 @@ def bundle() -> str:
 def _numbers(skills: Mapping[str, LearnedSkill], task: Task) -> dict[str, str]:
     """What the page can be told -> the numbers of that robot."""
     return {role: encoded(numbers(robot(skills, role, dt=DT_S), task)) for role in roles(skills)}
-
-
-def _study(skills: Mapping[str, LearnedSkill]) -> dict[str, Any]:
-    """What is compared: the skill, and the baselines of trials.contestants under the same hand."""
-    role = "follower" if "follower" in skills else "leader"
-    return {
-        "role": role,
-        "trials": 4,
-        "practice": 2,
-        "consent": CONSENT,
-        "practises": {"kind": "mass-damper", "kg": 4.0, "ns_per_m": 30.0},
-        "conditions": [
-            {"name": "default", "robot": {"kind": "skill"}},
-            {"name": "mass-damper", "robot": {"kind": "mass-damper", "kg": 6.0, "ns_per_m": 20.0}},
-            {"name": "damping", "robot": {"kind": "mass-damper", "kg": 0.0, "ns_per_m": 40.0}},
-        ],
-    }
-
-
-def encoded(numbers: np.ndarray) -> str:
-    """float64, little endian, in base64."""
-    return base64.b64encode(np.asarray(numbers, dtype="<f8").tobytes()).decode()
 
 
 def _task(skills: Mapping[str, LearnedSkill], task: str | Path | None) -> Task:

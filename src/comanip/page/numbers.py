@@ -6,6 +6,7 @@ long as the header says.
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Mapping
 from dataclasses import asdict
 from math import nan
@@ -42,11 +43,11 @@ FLOOR, GATE, PATIENCE = 1e-6, 20.0, 3  # of models.filtering.StateFilter where n
 EXPECTED_DELAY_S = 0.010  # of the force behind the velocity, as trials.running has it; half a period of averaging comes on top
 
 
-def robot(skills: Mapping[str, LearnedSkill], role: str, *, dt: float) -> Any:
-    """The skill that the page runs, within its envelope: `role` is leader, follower or auto."""
+def robot(skills: Mapping[str, LearnedSkill], role: str, *, dt: float, law: str | None = None) -> Any:
+    """The skill that the page runs, within its envelope: `role` is leader, follower or auto; `law` None: the skills' own."""
     if role == "auto":
-        return make_auto(skills, axes=skills["leader"].axes, dt=dt)
-    return make_skill(skills[role], axes=skills[role].axes, dt=dt, role=role)
+        return make_auto(skills, axes=skills["leader"].axes, dt=dt, law=law)
+    return make_skill(skills[role], axes=skills[role].axes, dt=dt, role=role, law=law)
 
 
 def roles(skills: Mapping[str, LearnedSkill]) -> tuple[str, ...]:
@@ -69,6 +70,11 @@ def numbers(skill: Any, task: Task, *, expected_delay_s: float = EXPECTED_DELAY_
     header = {**_sizes(skill), **weighing}
     parts = [np.array([float(header[name]) for name in HEADER]), *_laws(inner), *_limits(skill), task.gravity, *_paths(inner)]
     return np.concatenate([np.ravel(np.asarray(part, dtype=float)) for part in (*parts, *_filters(inner))])
+
+
+def encoded(numbers: Array) -> str:
+    """float64, little endian, in base64."""
+    return base64.b64encode(np.asarray(numbers, dtype="<f8").tobytes()).decode()
 
 
 def _weighing(dt: float, task: Task, expected_delay_s: float) -> dict[str, float]:

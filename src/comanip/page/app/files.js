@@ -11,6 +11,20 @@ export function numbersOf(base64) {
   return new Float64Array(bytes.buffer, 0, bytes.length / 8);
 }
 
+// A name as part of a file's name
+export function plain(name) { return name.replace(/[^\w-]+/g, "-").slice(0, 60) || "x"; }
+
+// Each name once: a second "leader-1" is "leader-1-2".
+export function each(names) {
+  const taken = new Set();
+  return names.map(name => {
+    let found = name;
+    for (let n = 2; taken.has(found); n++) found = `${name}-${n}`;
+    taken.add(found);
+    return found;
+  });
+}
+
 export function download(name, content, type) {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(new Blob([content], { type }));

@@ -11,18 +11,19 @@ export const KEYS = {
   e: [0, 0, 1], q: [0, 0, -1], PageUp: [0, 0, 1], PageDown: [0, 0, -1],
 };
 
-// takes() when somebody takes hold, lets() when somebody lets go; `here()` is where the handle is now (d,), from the start.
+// takes() when somebody takes hold, lets() when somebody lets go, moves() when the pointer has moved; `here()` is where the handle is
+// now (d,), from the start.
 export class Hands {
-  constructor(scene, { takes, lets, here }) {
+  constructor(scene, { takes, lets, moves, here }) {
     this.scene = scene;
-    Object.assign(this, { takes, lets, here });
+    Object.assign(this, { takes, lets, moves, here });
     this.target = null; // (d,) of the pointer from the start [m]; null: nobody holds
     this.kind = "";
     this.keys = new Set();
     this.speed = [0, 0, 0];
     this.deep = 0; // [m] that wheel, keys or a second finger have moved into the picture since the handle was taken
     this.second = null;
-    this.events = 0;
+    this.seen = -Infinity; // when the browser saw what was answered last [ms]
     const canvas = scene.canvas;
     canvas.addEventListener("pointerdown", event => this.down(event));
     for (const name of ["pointermove", "pointerrawupdate"]) canvas.addEventListener(name, event => this.move(event));
@@ -60,10 +61,13 @@ export class Hands {
   move(event) {
     if (this.second && event.pointerId === this.second.id) { this.dive(this.second.deep + (this.second.y - event.clientY) / this.scene.scale); return; }
     if (this.kind !== "pointer" || event.pointerId !== this.id) return;
-    this.events++;
-    this.when = event.timeStamp;
-    this.now = [event.clientX, event.clientY];
+    const { timeStamp, clientX, clientY } = event;
+    // a browser tells a movement at once as raw, and a frame or two later again; in some, stamps are so coarse that many are alike
+    if (timeStamp < this.seen || (timeStamp === this.seen && clientX === this.now[0] && clientY === this.now[1])) return;
+    this.seen = this.when = timeStamp;
+    this.now = [clientX, clientY];
     this.point();
+    this.moves();
   }
 
   // The target is where the pointer shows, also where it has been moved into the picture since.

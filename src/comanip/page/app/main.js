@@ -1,7 +1,7 @@
 // What the page is made of, wired together.
 
 import { Engine } from "./engine.js";
-import { Scene, takeColours } from "./scene.js";
+import { Scene, clamp, takeColours } from "./scene.js";
 import { Hands } from "./hands.js";
 import { Session, asking, chances } from "./session.js";
 import { Sound } from "./sound.js";
@@ -27,11 +27,13 @@ class Page {
     this.strips = new Strips($("strips"));
     this.states = new Bars($("states"));
     this.session = new Session(engine, config, { ticked: s => this.ticked(s), ended: s => this.ended(s), began: () => this.began(), ready: () => this.fresh() });
-    this.hands = new Hands(this.scene, { takes: () => this.session.takes(), lets: () => this.session.lets(performance.now()), here: () => this.session.here() });
+    this.hands = new Hands(this.scene, { takes: () => this.session.takes(), lets: () => this.session.lets(performance.now()), moves: () => this.passes(performance.now()), here: () => this.session.here() });
     this.tally = { done: 0, good: 0 };
     this.mode = "lift";
     this.takes = [];
     this.frames = [];
+    this.latencies = []; // [ms] from a pointer's event until the world has moved with it, and until that is drawn
+    this.drawn = [];
     this.seed = config.seed;
     this.wire();
     this.sayAxes();
@@ -39,7 +41,6 @@ class Page {
     this.teach = new Teach(this, $("teach"));
     this.study = new Study(this, $("study"));
     this.understand = new Understand(this, $("understand"));
-    about($("about"), config);
     requestAnimationFrame(now => { this.then = now; this.frame(now); });
   }
 
@@ -80,6 +81,7 @@ class Page {
       if (event.target.matches?.("input, textarea, select") || event.ctrlKey || event.metaKey || event.altKey) return;
       if (event.key.toLowerCase() === "r" && !$("rearm").hidden) this.rearm();
     });
+    addEventListener("beforeunload", event => { if (this.teach.unsaved || this.study.unsaved) event.preventDefault(); });
     let inside = 0;
     addEventListener("dragenter", event => { event.preventDefault(); inside++; $("drop").hidden = false; });
     addEventListener("dragleave", () => { if (--inside <= 0) $("drop").hidden = true; });
@@ -122,6 +124,7 @@ class Page {
       if (name === "teach") this.teach.enter();
       if (name === "study") this.study.enter();
       if (name === "understand") this.understand.enter();
+      if (name === "about") about($("about"), { ...this.config, skills: this.skills });
     }
   }
 
@@ -177,7 +180,10 @@ class Page {
   canvasHolds(on) { $("scene").classList.toggle("holding", on); }
 
   ticked(session) {
-    const world = session.world, take = session.take, n = take.position.length - 1;
+    const world = session.world, take = session.take, n = take.position.length - 1, mode = take.mode[n];
+    if (mode === 2 && this.modeWas !== 2) this.sound.held();
+    this.modeWas = mode;
+    if (this.mode !== "lift") return; // robots of a study may be others than the page's
     const weights = take.weights[n], skill = this.skills[this.role === "auto" ? "leader" : this.role];
     const along = this.mainAxis();
     const row = { t: world.get("time_s"), x: take.position[n][along], v: take.velocity[n][along], f: take.force[n][along], ex: NaN, sx: NaN, ev: NaN, sv: NaN, ef: NaN, sf: NaN };
@@ -186,9 +192,6 @@ class Page {
       for (const [group, name] of [["position", "x"], ["velocity", "v"], ["force", "f"]]) if (at(group) >= 0) [row[`e${name}`], row[`s${name}`]] = expects[at(group)];
     }
     this.strips.add(row);
-    const mode = take.mode[n];
-    if (mode === 2 && this.modeWas !== 2) this.sound.held();
-    this.modeWas = mode;
   }
 
   ended(session) {
@@ -269,13 +272,28 @@ class Page {
     $("joules").textContent = `${left.toFixed(1)} J`;
   }
 
-  frame(now) {
-    const passed = now - this.then;
-    this.then = now;
-    this.hands.step(Math.min(passed, 100) / 1000);
-    const before = this.session.here();
+  // The world goes on until now: at each movement of the pointer, and at each frame. A finger's comes just behind a frame, and would
+  // wait for the whole of the next one.
+  passes(now) {
+    const passed = Math.max(now - this.then, 0), before = this.session.here(), { when } = this.hands;
+    this.then = Math.max(now, this.then);
     this.session.advance(passed, this.hands.target, now);
-    this.latency(before);
+    const moved = Math.hypot(...this.session.here().map((x, n) => x - before[n]));
+    if (when === undefined || !(moved > 1e-5)) return passed;
+    this.kept(this.latencies, performance.now() - when);
+    this.hands.when = undefined;
+    this.drawsFor ??= when;
+    return passed;
+  }
+
+  kept(list, value) {
+    list.push(value);
+    if (list.length > 4000) list.shift();
+  }
+
+  frame(now) {
+    this.hands.step(clamp(now - this.then, 0, 100) / 1000);
+    this.passes(now);
     const s = this.session.shown(now, this.hands.target);
     s.burst = this.celebrates ? Math.max(1 - (now - this.celebrates) / 900, 0) : 0;
     if (this.hands.target && this.session.phase === "runs" && !this.session.letGo) {
@@ -286,6 +304,8 @@ class Page {
     if (this.mode !== "understand" && this.mode !== "about") {
       if (this.scene.scale === undefined) this.scene.layout($("scene").clientWidth || 1, $("scene").clientHeight || 1);
       this.scene.draw(s);
+      if (this.drawsFor !== undefined) this.kept(this.drawn, performance.now() - this.drawsFor);
+      this.drawsFor = undefined;
       this.status();
       const felt = this.session.phase === "runs" ? Math.hypot(...s.force) : 0;
       this.sound.force(felt, Math.hypot(...this.session.world.vector("velocity")));
@@ -306,13 +326,6 @@ class Page {
   stripLabels() {
     const axes = this.config.task.axes, up = axes.findIndex(axis => axis.up !== 0), name = up >= 0 ? "height" : `place ${axes[0].name}`;
     return [[name, "m", 2], ["speed", "m/s", 2], ["force", "N", 1]];
-  }
-
-  // From a pointer event to the first drawn frame in which the handle moved for it.
-  latency(before) {
-    if (this.hands.when === undefined) return;
-    const moved = Math.hypot(...this.session.here().map((x, n) => x - before[n]));
-    if (moved > 1e-5) { (this.latencies ??= []).push(performance.now() - this.hands.when); this.hands.when = undefined; }
   }
 
   async receive(files) {

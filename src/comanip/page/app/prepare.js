@@ -2,18 +2,19 @@
 // constants come from there, in config.prepare.
 
 const zip = (a, b, f) => a.map((x, n) => f(x, b[n]));
-const plus = (a, b) => zip(a, b, (x, y) => x + y), minus = (a, b) => zip(a, b, (x, y) => x - y);
+const plus = (a, b) => zip(a, b, (x, y) => x + y);
+export const minus = (a, b) => zip(a, b, (x, y) => x - y);
 const inner = (a, b) => a.reduce((sum, x, n) => sum + x * b[n], 0), norm = a => Math.sqrt(inner(a, a));
 const most = values => values.reduce((top, x) => (x > top ? x : top), -Infinity);
 const mean = rows => rows.reduce(plus).map(x => x / rows.length);
 
-function gradient(rows, h) {
+export function gradient(rows, h) {
   const n = rows.length - 1;
   return rows.map((_, i) => (i === 0 ? minus(rows[1], rows[0]).map(x => x / h) : i === n ? minus(rows[n], rows[n - 1]).map(x => x / h) : minus(rows[i + 1], rows[i - 1]).map(x => x / (2 * h))));
 }
 
 // numpy.interp of one x
-function interp(x, xs, ys) {
+export function interp(x, xs, ys) {
   if (x <= xs[0]) return ys[0];
   if (x >= xs[xs.length - 1]) return ys[ys.length - 1];
   let low = 0, high = xs.length - 1;

@@ -5,6 +5,7 @@ function matchMediaSafe(query) { return typeof matchMedia === "function" ? match
 export function calm() { return STILL.matches; }
 
 export const COLOURS = {};
+const FORCE_M_PER_N = 0.05, LONGEST_M = 0.5; // of its arrow: 2 N, a usual pull, show beyond the gripper
 const DEPTH = [0.4, 0.28]; // of a metre into the picture: to the right, and up
 const NAMES = "paper sky ground card ink soft line robot robot-2 person person-2 beam goal force hold comply run band trousers trousers-2".split(" ");
 export function takeColours() {
@@ -267,7 +268,7 @@ export class Scene {
   force(g, hand, s) {
     const size = Math.hypot(...s.force);
     if (!(size > 0.4)) return;
-    const tip = this.at(s.robot.map((x, n) => x + s.force[n] * 0.02), 0);
+    const tip = this.at(s.robot.map((x, n) => x + s.force[n] * Math.min(FORCE_M_PER_N, LONGEST_M / size)), 0);
     arrow(g, hand, tip, 0.028 * this.scale, COLOURS.force);
     g.fillStyle = COLOURS.ink;
     g.font = "600 13px system-ui, sans-serif";

@@ -81,7 +81,7 @@ export function parsed(text) {
   return { content, letters };
 }
 
-function quoted(text) { return ascii(JSON.stringify(text)).replace(/\\u([0-9a-f]{4})/gi, (_, digits) => `\\u${digits.toLowerCase()}`); }
+export function quoted(text) { return ascii(JSON.stringify(text)).replace(/\\u([0-9a-f]{4})/gi, (_, digits) => `\\u${digits.toLowerCase()}`); }
 
 export function canonical(letters, without = "") {
   return `{${Object.keys(letters).filter(key => key !== without).sort().map(key => `${quoted(key)}:${letters[key]}`).join(",")}}`;

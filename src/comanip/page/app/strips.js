@@ -2,7 +2,7 @@
 
 import { COLOURS, fitted } from "./scene.js";
 
-const SHOWN_S = 9;
+const SHOWN_S = 9, WRITTEN = 0.2; // a smaller share has no room for a word
 
 export class Strips {
   constructor(canvas) {
@@ -48,7 +48,7 @@ export class Strips {
       g.fillStyle = COLOURS.ink;
       g.font = "600 14px system-ui, sans-serif";
       const last = seen.length ? seen[seen.length - 1][name] : NaN;
-      g.fillText(Number.isFinite(last) ? `${last.toFixed(labels[n][2])} ${labels[n][1]}` : "–", 2, tall * (n + 0.42) + 18);
+      g.fillText(Number.isFinite(last) ? `${last.toFixed(labels[n][2]).replace(/^-(?=0\.?0*$)/, "")} ${labels[n][1]}` : "–", 2, tall * (n + 0.42) + 18);
     });
   }
 }
@@ -114,6 +114,6 @@ export class Shares {
   }
 
   show(values) {
-    values.forEach((value, n) => { const part = this.element.children[n]; if (part) part.style.flex = `${Math.max(value, 0.001)} 1 0`; });
+    values.forEach((value, n) => { const part = this.element.children[n]; if (part) { part.style.flex = `${Math.max(value, 0.001)} 1 0`; part.style.fontSize = value > WRITTEN ? "" : "0"; } });
   }
 }

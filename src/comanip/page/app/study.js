@@ -1,7 +1,7 @@
 // A study on the page: laws in a blind, counterbalanced order from a seed; practice, trials, two questions after each, one file at
 // the end. Nothing is sent anywhere; whoever takes part may stop at any time and keep what there is, or nothing.
 
-import { download } from "./files.js";
+import { download, numbersOf, plain, tell } from "./files.js";
 import { mcapOf, zipOf } from "./mcap.js";
 import { recordingOf } from "./recordings.js";
 import { KEPT } from "./session.js";
@@ -9,6 +9,11 @@ import { element } from "./teach.js";
 
 const STUDY_VERSION = 1;
 const QUESTIONS = [["ease", "How easy was it?", "hard", "easy"], ["predictability", "How well could you tell what the robot would do next?", "not at all", "very well"]];
+const ASKS = {
+  follower: "Lift the beam to the dashed place, and rest there.",
+  leader: "Take the handle and go along with the robot, until it rests.",
+  auto: "Lift the beam to the dashed place; or go along, if the robot sets out. Rest there.",
+};
 
 // The order of `count` things for a number: `count` numbers in a row (from a multiple on) put everything once in every place, and
 // count! numbers in a row run through all orders there are.
@@ -51,7 +56,7 @@ export class Study {
   form(panel) {
     panel.append(element("h2", "", "A study of how robots carry"), element("p", "", this.plan.consent));
     const row = element("div", "row");
-    const who = field("Your code (not your name)", "text", "p1"), seed = field("Number of the order", "number", String(new URLSearchParams(location.hash.slice(1)).get("seed") ?? Math.floor(Math.random() * 1e6)));
+    const who = field("Your code (not your name)", "text", this.proposed?.[0] ?? "p1"), seed = field("Number of the order", "number", String(this.proposed?.[1] ?? new URLSearchParams(location.hash.slice(1)).get("seed") ?? Math.floor(Math.random() * 1e6)));
     row.append(who, seed);
     const agree = element("label", "row"), box = document.createElement("input");
     box.type = "checkbox";
@@ -73,9 +78,10 @@ export class Study {
     this.takes = [];
     this.records = [{
       type: "study", version: STUDY_VERSION, participant, seed, order: this.order.map(one => one.name), conditions: plan.conditions.map(one => one.name), trials: plan.trials, practice: plan.practice,
-      role: plan.role, task: this.page.config.task.name, load_mass_kg: this.page.config.task.mass_kg, load_share: this.page.config.task.share, gravity_m_per_s2: this.page.config.task.gravity,
+      role: plan.role, roles: plan.conditions.map(one => this.roleOf(one)), skills: plan.conditions.map(one => this.skillsOf(one)), task: this.page.config.task.name, load_mass_kg: this.page.config.task.mass_kg, load_share: this.page.config.task.share, gravity_m_per_s2: this.page.config.task.gravity,
       axes: this.page.config.task.axes.map(axis => axis.name), consent: true, started: new Date().toISOString(), made_by: "comanip page: a person at a pointer, exact beam",
     }];
+    this.unsaved = true;
     this.stage = plan.practice > 0 ? "practice" : "trials";
     this.show();
     this.next();
@@ -84,11 +90,23 @@ export class Study {
   // What the next lift is: trial n asks the same of every condition, so that trials are pairs.
   next() {
     if (!["practice", "trials"].includes(this.stage)) { this.page.session.prepare({ ...this.page.lift(this.plan.role, { kind: "holds" }, 1), robot: { kind: "holds" } }); return; }
-    const practice = this.stage === "practice", condition = practice ? { robot: this.plan.practises } : this.order[this.block];
-    const robot = condition.robot.kind === "skill" ? { kind: "skill", numbers: this.page.numbers[this.plan.role] } : condition.robot;
-    this.page.session.prepare(this.page.lift(this.plan.role, robot, practice ? 9000 + this.practised : 100 * (this.seed % 1000) + this.trial + 1));
+    const practice = this.stage === "practice", condition = practice ? { role: "follower", robot: this.plan.practises } : this.order[this.block], role = this.roleOf(condition);
+    const setup = this.page.lift(role, this.robotOf(condition), practice ? 9000 + this.practised : 100 * (this.seed % 1000) + this.trial + 1);
+    this.page.session.prepare(condition.ends ? { ...setup, ends: condition.ends } : setup);
     document.getElementById("verdict").hidden = true;
   }
+
+  roleOf(condition) { return condition.role ?? this.plan.role; }
+
+  // A condition's own skill, or the page's
+  robotOf(condition) {
+    if (condition.robot.kind !== "skill") return condition.robot;
+    if (typeof condition.robot.numbers === "string") condition.robot.numbers = numbersOf(condition.robot.numbers);
+    return { kind: "skill", numbers: condition.robot.numbers ?? this.page.numbers[this.plan.role] };
+  }
+
+  // Which skills these are: text, of the robots that have one
+  skillsOf(condition) { return condition.sha256 ?? (condition.robot.kind === "skill" ? [this.page.skills[this.plan.role].sha256] : []); }
 
   ended(session) {
     if (this.stage === "practice") {
@@ -112,7 +130,7 @@ export class Study {
 
   practice(panel) { panel.append(element("h2", "", `Practice ${this.practised + 1} of ${this.plan.practice}`), element("p", "soft", "Take the handle and lift the beam to the dashed place. This does not count.")); }
   trials(panel) {
-    panel.append(element("h2", "", `Robot ${this.block + 1} of ${this.order.length}, lift ${this.trial + 1} of ${this.plan.trials}`), element("p", "soft", "Lift the beam to the dashed place, and rest there."));
+    panel.append(element("h2", "", `Robot ${this.block + 1} of ${this.order.length}, lift ${this.trial + 1} of ${this.plan.trials}`), element("p", "soft", ASKS[this.roleOf(this.order[this.block])]));
   }
 
   questions(panel) {
@@ -155,6 +173,15 @@ export class Study {
     this.next();
   }
 
+  // The next number in the row, so that orders stay balanced; what nobody has kept is asked for once more.
+  another() {
+    if (this.unsaved) { this.unsaved = false; tell("keep the file first; once more, and it is gone"); return; }
+    this.proposed = [String(this.records[0].participant).replace(/\d*$/, digits => String(Number(digits || 1) + 1)), this.seed + 1];
+    this.stage = "form";
+    this.records = [];
+    this.show();
+  }
+
   file() { return this.records.map(record => JSON.stringify(record)).join("\n") + "\n"; }
 
   // The same lines, and every trial as MCAP beside them
@@ -169,16 +196,14 @@ export class Study {
     panel.append(element("h2", "", complete ? "Thank you." : "Stopped."), element("p", "", "Nothing has left this page. Keep the file and give it to whoever asked you, or close the page, and it is gone."));
     const row = element("div", "row"), keep = element("button", "button main", "Keep the file"), all = element("button", "button", "Keep it with every lift as MCAP (ZIP)"), again = element("button", "button", "Another person");
     const named = `comanip-study-${this.records[0].participant || "p"}-${this.seed}`;
-    keep.addEventListener("click", () => download(`${named}.jsonl`, this.file(), "application/x-ndjson"));
-    all.addEventListener("click", () => download(`${named}.zip`, this.bundle(), "application/zip"));
-    again.addEventListener("click", () => { this.stage = "form"; this.records = []; this.show(); });
+    keep.addEventListener("click", () => { this.unsaved = false; download(`${named}.jsonl`, this.file(), "application/x-ndjson"); });
+    all.addEventListener("click", () => { this.unsaved = false; download(`${named}.zip`, this.bundle(), "application/zip"); });
+    again.addEventListener("click", () => this.another());
     row.append(keep, all, again);
     if (complete) panel.append(element("p", "soft", `The order was: ${this.order.map(one => one.name).join(", ")}.`));
     panel.append(row);
   }
 }
-
-function plain(name) { return name.replace(/[^\w-]+/g, "-").slice(0, 60); }
 
 function field(label, type, value) {
   const one = element("label", "field", label), input = document.createElement("input");

@@ -2,11 +2,12 @@
 
 import { asking, chances } from "./session.js";
 import { COLOURS, fitted } from "./scene.js";
-import { download, tell } from "./files.js";
-import { mcapOf, readMcap } from "./mcap.js";
+import { download, each, plain, tell } from "./files.js";
+import { mcapOf, readMcap, zipOf } from "./mcap.js";
+import { learned, preparedLesson } from "./learn.js";
 import { csvOf, lessonOf, readCsv, recordingOf, within } from "./recordings.js";
 
-const LESSONS = 5, SHORTEST_S = 1.0, MOST_KEPT = 60;
+const LESSONS = 5, LEAST_LESSONS = 2, SHORTEST_S = 1.0, MOST_KEPT = 60;
 
 // Lesson `number` of a role: the way that is asked for, as the task's lessons vary, and the robot that goes or gives way.
 export function lessonAsked(task, role, number, seed) {
@@ -30,7 +31,7 @@ export class Teach {
 
   build() {
     const panel = element("div", "panel"), title = element("h2", "", "Teach it");
-    const text = element("p", "soft", "Five lessons a role. As it leads, go along with it; as it follows, lift to the dashed beam. Then learn from the files: comanip learn leader-*.csv -o leader.json, and drop leader.json here. Lessons (CSV, MCAP) can be dropped here, too.");
+    const text = element("p", "soft", "Five lessons a role. As it leads, go along with it; as it follows, lift to the dashed beam. Then let it learn, and lift with it. Or keep the lessons, unzip them, comanip learn leader-*.csv -o leader.json, and drop leader.json here. Lessons (CSV, MCAP) can be dropped here, too.");
     this.roles = element("div", "row");
     this.roles.setAttribute("role", "radiogroup");
     this.roles.setAttribute("aria-label", "Lessons of which role");
@@ -43,9 +44,11 @@ export class Teach {
     }
     this.says = element("span", "soft");
     this.says.setAttribute("role", "status");
-    this.asCsv = this.button("Keep all as CSV", () => this.keep("csv"));
-    this.asMcap = this.button("Keep all as MCAP", () => this.keep("mcap"));
-    this.roles.append(this.asCsv, this.asMcap, this.says);
+    this.asCsv = this.button("Keep all as CSV (ZIP)", () => this.keepAll("csv"));
+    this.asMcap = this.button("Keep all as MCAP (ZIP)", () => this.keepAll("mcap"));
+    this.learns = this.button("Learn from these", () => this.learn());
+    this.keeps = this.button("Keep the skill", () => download(`${this.skill.role}.json`, this.skill.text, "application/json"));
+    this.roles.append(this.learns, this.keeps, this.asCsv, this.asMcap, this.says);
     this.list = element("div", "lessons");
     this.list.style.marginTop = ".8rem";
     panel.append(title, text, this.roles, this.list);
@@ -74,8 +77,9 @@ export class Teach {
     } else if (this.lessons.length >= MOST_KEPT) tell("there are enough lessons: keep them, or delete some");
     else {
       this.count++;
+      this.unsaved = true;
       this.lessons.push({ role: this.role, n: this.count, take, from: 0, to: take.position.length, name: `${this.role}-${this.lessons.filter(one => one.role === this.role).length + 1}` });
-      if (this.lessons.filter(one => one.role === this.role).length === LESSONS) { this.page.sound.arrived(); tell(`five lessons as ${this.role}: keep them, and learn`); }
+      if (this.lessons.filter(one => one.role === this.role).length === LESSONS) { this.page.sound.arrived(); tell(`five lessons as ${this.role}: now it can learn from them`); }
     }
     this.refresh();
     this.page.goesBack(this.page.hands.kind === "pointer" ? 700 : 500);
@@ -99,11 +103,28 @@ export class Teach {
     return recordingOf(this.page.config.task, cut, { name: lesson.name, role: lesson.role, lesson: lesson.n, robot: lesson.role === "leader" ? "scripted: minimum jerk, gives way" : "scripted: mass-damper" });
   }
 
-  keep(kind) {
-    for (const lesson of this.lessons) {
-      if (kind === "csv") download(`${lesson.name}.csv`, csvOf(this.kept(lesson)), "text/csv");
-      else download(`${lesson.name}.mcap`, mcapOf(this.kept(lesson), this.page.config.task.schemas), "application/octet-stream");
-    }
+  // The robot learns from the lessons of the role that is chosen, and is lifted with.
+  learn() {
+    const { page, role } = this, { task } = page.config, of = this.lessons.filter(one => one.role === role);
+    try {
+      const text = learned(of.map(lesson => ({ ...preparedLesson(this.kept(lesson), task, lesson.name), role })), task);
+      page.takeFile(`${role} taught here`, text);
+      this.skill = { role, text };
+      this.refresh();
+      tell(`learned from ${of.length} lessons: it ${role === "leader" ? "leads" : "follows"} as you taught it`);
+    } catch (error) { tell(error.message); }
+  }
+
+  // In one file: browsers lose some of many downloads in silence, Chromium from the eleventh on.
+  keepAll(kind) {
+    this.unsaved = false;
+    const names = each(this.lessons.map(lesson => plain(lesson.name)));
+    download(`comanip-lessons-${kind}.zip`, zipOf(this.lessons.map((lesson, n) => [`${names[n]}.${kind}`, this.bytes(lesson, kind)])), "application/zip");
+  }
+
+  bytes(lesson, kind) {
+    const recording = this.kept(lesson);
+    return kind === "csv" ? new TextEncoder().encode(csvOf(recording)) : mcapOf(recording, this.page.config.task.schemas);
   }
 
   refresh() {
@@ -114,6 +135,9 @@ export class Teach {
       button.classList.toggle("main", on);
     }
     this.says.textContent = `leads ${counts("leader")} of ${LESSONS}, follows ${counts("follower")} of ${LESSONS}`;
+    this.learns.disabled = counts(this.role) < LEAST_LESSONS;
+    this.learns.classList.toggle("main", counts(this.role) >= LESSONS);
+    this.keeps.hidden = !this.skill;
     this.asCsv.disabled = this.asMcap.disabled = !this.lessons.length;
     this.list.replaceChildren(...this.lessons.map(lesson => this.card(lesson)));
     this.draw();
@@ -139,9 +163,8 @@ export class Teach {
       return one;
     };
     trim.append(bound("Beginning", "from", true), bound("End", "to", false));
-    row.append(name, this.button("▶", () => { this.replays = { lesson, from: performance.now() }; }), this.button("✕", () => { this.lessons = this.lessons.filter(one => one !== lesson); this.refresh(); }));
-    row.children[1].setAttribute("aria-label", `Replay ${lesson.name}`);
-    row.children[2].setAttribute("aria-label", `Delete ${lesson.name}`);
+    row.append(name, this.button("↓", () => download(`${lesson.name}.csv`, this.bytes(lesson, "csv"), "text/csv")), this.button("▶", () => { this.replays = { lesson, from: performance.now() }; }), this.button("✕", () => { this.lessons = this.lessons.filter(one => one !== lesson); this.refresh(); }));
+    ["Keep", "Replay", "Delete"].forEach((does, n) => row.children[n + 1].setAttribute("aria-label", `${does} ${lesson.name}`));
     box.append(row, lesson.canvas, trim);
     return box;
   }

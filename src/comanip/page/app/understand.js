@@ -60,6 +60,7 @@ export class Understand {
   letterPanel() {
     const [panel, canvas] = this.panel("A motion from anywhere (Fig. 3)", "Drag the dot: the learned velocity goes along the path and strays, the learned position comes back and stops; both together do what neither does.", "A letter written from a start that can be dragged; arrow keys move it");
     this.letter = canvas;
+    canvas.className = "drags"; // on the other figures a finger scrolls the page
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "application");
     const place = event => { const box = canvas.getBoundingClientRect(); this.start = this.letterWorld(event.clientX - box.left, event.clientY - box.top); this.drawLetter(); };
