@@ -143,6 +143,14 @@ def test_a_force_that_comes_late_cannot_be_a_mass_s_and_is_said(seed):
     assert found.offset.value == pytest.approx(0.08, abs=0.01)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_damper_beside_a_spring_is_no_spring_that_is_early(seed):
+    """100 N/m and 5 N s/m: to first order a spring's force that comes 50 ms early."""
+    found = admittance(stroke(lambda x, v, a: 100.0 * x + 5.0 * v, noise_m=1e-4, noise_v=1e-3, noise_n=0.3, seed=seed))
+    assert not found.offset_known or abs(found.offset.value) < 3.0 * found.offset.error
+    assert found.damping[0].value == pytest.approx(5.0, abs=max(0.5, 3.0 * found.damping[0].error))
+
+
 def test_force_and_a_derived_velocity_pass_one_low_pass():
     """Without noise the law is exact, whether velocity was recorded or derived."""
     found = admittance(stroke(lambda x, v, a: 2.0 * a + 18.0 * v, noise_n=0.0), offsets=False)

@@ -7,6 +7,7 @@ Names are paths: "obs/robot0_eef_pos[2]" is the third column of a dataset. A fil
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -19,6 +20,7 @@ import numpy as np
 from ..errors import ChannelError, RecordingError
 from ..interfaces import Array
 from ..recording import Channel, Recording
+from ..whole_file import write_whole
 from .assemble import assemble
 from .columns import Columns, sign_and_name, unknown
 from .outside import Parts, ask
@@ -160,17 +162,14 @@ def write_hdf5(recordings: Sequence[Recording], path: Path) -> None:
         head = json.dumps({"version": VERSION, "recordings": [_layout(r) for r in recordings], "sha256": digest(recordings)})
     except (TypeError, ValueError) as error:
         raise RecordingError(f"{path}: the metadata must be plain JSON values: {error}") from None
-    part = path.with_name(f".{path.name[:40]}.tmp")
-    try:
-        with h5py.File(part, "w") as file:
-            file.create_dataset(OURS, data=np.frombuffer(head.encode(), dtype=np.uint8))
-            data = file.create_group("data")
-            data.attrs["total"] = sum(_frames(r) for r in recordings)
-            for i, recording in enumerate(recordings):
-                _write_demonstration(data.create_group(f"demo_{i}"), recording)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    built = io.BytesIO()  # in memory: where the disk is full, the library ends the process that writes to it
+    with h5py.File(built, "w") as file:
+        file.create_dataset(OURS, data=np.frombuffer(head.encode(), dtype=np.uint8))
+        data = file.create_group("data")
+        data.attrs["total"] = sum(_frames(r) for r in recordings)
+        for i, recording in enumerate(recordings):
+            _write_demonstration(data.create_group(f"demo_{i}"), recording)
+    write_whole(path, built.getvalue())
 
 
 def _frames(recording: Recording) -> int:

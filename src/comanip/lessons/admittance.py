@@ -28,6 +28,7 @@ TERMS: Mapping[str, tuple[str, ...]] = {"M": ("M",), "D": ("D",), "K": ("K",), "
 LEAST_UNEXPLAINED = 1e-4  # of the variance: less is how a derivative was taken, and no term of a law
 # By how much of BIC (150 to 1) another law must explain more once force is shifted: M a + D v looks like D v(t + M / D).
 EVIDENCE = 10.0
+SMALL_S = 0.01  # an offset below this bends no law, and needs no such evidence
 HIDDEN = 3.0  # times the estimated noise: its estimate, from second differences, is that rough
 SURE_S = 0.02  # an offset with a larger standard error is not known
 
@@ -102,7 +103,8 @@ def admittance(lesson: Demonstration, *, cutoff_hz: float = 10.0, offsets: bool 
         if late.name != steady.name and late.cost > steady.cost - EVIDENCE:
             late = _fitted(signals, steady.name, dt, cutoff, offsets=True)
         found = _told(late.name, late.link, signals, noise_share)
-        if found.offset_known:  # an offset that is not known would only bend the law
+        shows = late.cost < steady.cost - EVIDENCE or abs(found.offset.value) < SMALL_S
+        if found.offset_known and shows:  # an offset that is not known would only bend the law
             return found
     return _told(steady.name, steady.link, signals, noise_share)
 
