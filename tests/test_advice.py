@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +13,7 @@ import pytest
 from comanip.commands.advising import given_flags, next_command, propose
 from comanip.commands.flags import DataFlags
 from comanip.commands.reading import preparation_of, read_recordings
+from comanip.errors import ParameterError
 from comanip.formats import write
 from comanip.formats.listing import look
 from comanip.lessons.checkup import checkup
@@ -94,3 +98,24 @@ def test_flags_are_quoted_for_a_shell():
     assert shlex.split(" ".join(given_flags(flags))) == [
         "--position=a [deg],b [deg]", "--force=-Fz", "--rate-hz=99.8", "--frame=x=hand", "--frame=y=same", "--drop-bad",
     ]  # fmt: skip
+
+
+def test_tare_auto_says_what_it_chose_and_why(tmp_path):
+    """A bias of its own in each take: taken off, on the command line too; two takes are too few to choose by."""
+    from comanip.commands.reading import read_lessons
+
+    takes = [np.column_stack([T, Z, V * (1 + 0.05 * i), F + 4.0 * (-1) ** i])[::4] for i in range(3)]
+    files = [table(tmp_path / f"{i}.csv", "t,z,vz,Fz", rows) for i, rows in enumerate(takes)]
+    said = _notes(lambda: read_lessons(files, DataFlags(tare_auto=True)))
+    assert "force at rest taken off: error on lessons left out" in said
+    assert "too few to choose by" in _notes(lambda: read_lessons(files[:2], DataFlags(tare_auto=True)))
+    with pytest.raises(ParameterError, match="--tare-auto with --tare"):
+        read_lessons(files, DataFlags(tare_auto=True, tare=True))
+
+
+def _notes(call):
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        call()
+    return said.getvalue()
