@@ -68,8 +68,7 @@ def propose(files: Sequence[Path], data: DataFlags, columns: Sequence[Column]) -
     """For files that do not say what is what: `inspect` with a guess, which is read and checked before it is said."""
     from ..formats.guessing import guess
 
-    table = any(c.clock.isdigit() or c.clock.startswith(" ") for c in columns)
-    guessed = guess(columns, stamped=not table and not _in_struct(columns))
+    guessed = guess(columns, stamped=any(c.stamped for c in columns))
     if guessed is None:
         return Advice("", ("nothing in it looks like a motion; name columns with --position, --force, --time or --rate-hz",))
     notes = [f"a guess {guessed.why}; look at it before you use it"]
@@ -77,10 +76,6 @@ def propose(files: Sequence[Path], data: DataFlags, columns: Sequence[Column]) -
     if found is None:
         return Advice("", (*notes, "it does not read as it is: change it, or name columns with --position, --force, --time"))
     return Advice(" ".join(["comanip inspect", named(files), *given_flags(found)]), tuple(notes))
-
-
-def _in_struct(columns: Sequence[Column]) -> bool:
-    return any(" " in c.clock and len(c.clock.split()) == 2 for c in columns)
 
 
 def _flags(guessed: Guess, data: DataFlags, columns: Sequence[Column]) -> DataFlags:

@@ -30,7 +30,7 @@ class Column(NamedTuple):
     """One column of numbers: what names it on the line, the unit that the file states, its numbers (T,), and what shares its
     clock; `group` and `place` say which entry of a vector it is ("state", 3), place -1 where it is a column of its own.
 
-    `problem` instead of numbers where it holds none.
+    `problem` instead of numbers where it holds none; `stamped` where its channel has stamps of its own (bags).
     """
 
     name: str
@@ -40,6 +40,7 @@ class Column(NamedTuple):
     group: str = ""
     place: int = -1
     problem: str = ""
+    stamped: bool = False
 
 
 class Listed(NamedTuple):
@@ -96,10 +97,10 @@ def _of_recording(recording: Recording) -> Iterator[Column]:
     for name, channel in recording.channels.items():
         units, clock = axis_units(channel.unit, len(channel.axes)), _clock(channel.time)
         if len(channel.axes) == 1:
-            yield Column(name, channel.unit, channel.values[:, 0], clock)
+            yield Column(name, channel.unit, channel.values[:, 0], clock, stamped=True)
             continue
         for i, axis in enumerate(channel.axes):
-            yield Column(f"{name}.{axis}", units[i], channel.values[:, i], clock, name, i)
+            yield Column(f"{name}.{axis}", units[i], channel.values[:, i], clock, name, i, stamped=True)
 
 
 def _clock(time: Array) -> str:
