@@ -13,7 +13,7 @@ import pytest
 from comanip.commands.advising import given_flags, next_command, propose
 from comanip.commands.flags import DataFlags
 from comanip.commands.reading import preparation_of, read_recordings
-from comanip.errors import ParameterError
+from comanip.errors import ComanipError, ParameterError
 from comanip.formats import write
 from comanip.formats.listing import look
 from comanip.lessons.checkup import checkup
@@ -119,3 +119,11 @@ def _notes(call):
         warnings.simplefilter("ignore")
         call()
     return said.getvalue()
+
+
+def test_who_learns_from_a_file_that_nobody_described_is_told_who_proposes_a_mapping(tmp_path):
+    from comanip.commands.reading import read_lessons
+
+    file = table(tmp_path / "a.csv", "t,tool_height,pull_force_z", T, Z, F)
+    with pytest.raises(ComanipError, match="or let `comanip inspect` propose it"):
+        read_lessons([file], DataFlags())

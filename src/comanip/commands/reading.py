@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import ComanipError, ParameterError, RecordingError
+from ..errors import ChannelError, ComanipError, ParameterError, RecordingError
 from ..formats import read
 from ..formats.columns import Columns, has_unit, split_columns
 from ..formats.mapping_file import mapping_file
@@ -63,9 +63,19 @@ def read_recordings(files: Sequence[Path], flags: DataFlags) -> list[Recording]:
     return [recording for file in files for recording in read(file, columns, recover=flags.recover)]
 
 
+def _mapped(files: Sequence[Path], flags: DataFlags) -> list[Recording]:
+    """As `read_recordings`; where nobody said what is what, the error says who proposes it."""
+    try:
+        return read_recordings(files, flags)
+    except (ChannelError, RecordingError) as refused:
+        if any(words in str(refused) for words in ("no column is obviously", "no time column among")):
+            raise type(refused)(f"{refused}; or let `comanip inspect` propose it") from None
+        raise
+
+
 def read_lessons(files: Sequence[Path], flags: DataFlags, *, min_frames: int = 4) -> tuple[Demonstration, ...]:
     """Demonstrations at one rate, prepared and checked as a set (one role, no repeats, one scale) as the flags say."""
-    recordings = read_recordings(files, flags)
+    recordings = _mapped(files, flags)
     if flags.tare_auto:
         flags = replace(flags, tare=_worth_taring(recordings, flags, min_frames), tare_auto=False)
     return demonstrations(recordings, preparation_of(flags, min_frames))
@@ -99,7 +109,7 @@ def _worth_taring(recordings: Sequence[Recording], flags: DataFlags, min_frames:
 def read_each(files: Sequence[Path], flags: DataFlags) -> tuple[Demonstration, ...]:
     """Demonstrations that need not belong together: what a finished skill is held against."""
     preparation = preparation_of(flags)
-    return tuple(lesson for r in read_recordings(files, flags) for lesson in demonstrations([r], preparation))
+    return tuple(lesson for r in _mapped(files, flags) for lesson in demonstrations([r], preparation))
 
 
 def reader_of(
