@@ -130,6 +130,17 @@ def test_what_is_no_motion_is_not_guessed():
     assert guess([], stamped=False) is None
 
 
+def test_a_frame_that_was_lost_does_not_hide_the_hand_and_a_still_one_is_none():
+    lost = X[:, 2].copy()
+    lost[100] = np.nan
+    assert guess(columns(t=T, pos_z=lost, fz=F[:, 2]), stamped=False).signals == {"position": ("pos_z",), "force": ("fz",)}
+    for still in (np.full(len(T), 0.5), np.r_[np.nan, np.full(len(T) - 1, 0.5)]):
+        found = guess(columns(t=T, pos_z=still, vel_z=0 * T, fz=0 * T), stamped=False)
+        assert found is None or all(found.signals.values())
+    half = guess(columns(t=T, pos_z=np.full(len(T), 0.5), vel_z=V[:, 2], fz=0 * T), stamped=False)
+    assert all(half.signals.values())
+
+
 def test_our_own_files_are_looked_at_as_recordings(tmp_path):
     write(lift(duration_s=0.5), tmp_path / "a.mcap")
     assert look(tmp_path / "a.mcap") == ()

@@ -98,7 +98,7 @@ def _angle(found: dict[str, list[Column]]) -> str:
     read = [_read(c, [c], False) for c in place if c.place < 0]
     if not read or any(one is None or one[0] != TURN for one in read) or any(c.unit for c in place):
         return ""
-    return "deg" if max(float(np.ptp(c.values)) for c in place) > _TURNS_MOST else "rad"
+    return "deg" if max(_span(c.values) for c in place) > _TURNS_MOST else "rad"
 
 
 def _families(columns: Sequence[Column]) -> list[Column]:
@@ -166,12 +166,18 @@ def _by_name(columns: Sequence[Column], *, states: bool = False) -> dict[str, li
         fit = [g for g in several if all(a in g.axes for a in axes)] or [g for g in several if len(g.axes) == len(axes) == 1]
         if best := _best(fit, beside=chosen):
             found[kind] = [best.axes[a] for a in axes] if all(a in best.axes for a in axes) else list(best.axes.values())
-    return found
+    return found if axes else {}
+
+
+def _span(values: Array) -> float:
+    """Of what is finite: a frame that was lost does not stop a hand."""
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if len(known) else 0.0
 
 
 def _moving(group: _Group) -> list[str]:
     """Its axes along which something moves."""
-    spans = {axis: float(np.nanmax(c.values) - np.nanmin(c.values)) for axis, c in group.axes.items()}
+    spans = {axis: _span(c.values) for axis, c in group.axes.items()}
     return [axis for axis, span in spans.items() if span > _STILL * max(spans.values())]
 
 
@@ -261,14 +267,14 @@ def _best(groups: Sequence[_Group], beside: _Group | None = None) -> _Group | No
             )
         return points
 
-    alive = [g for g in groups if any(np.ptp(c.values) > 0.0 for c in g.axes.values())]
+    alive = [g for g in groups if any(_span(c.values) > 0.0 for c in g.axes.values())]
     return max(alive, key=score, default=None)
 
 
 def _by_numbers(columns: Sequence[Column]) -> dict[str, list[Column]]:
     """Position, its derivative, and a force, from a table whose names do not say it: some columns are the derivatives of others;
     the force is what is called so, or stands behind them."""
-    columns = [c for c in columns if np.ptp(c.values) > 0.0 and not {*words_of(c.name)} & _NOT_THE_HAND]
+    columns = [c for c in columns if _span(c.values) > 0.0 and not {*words_of(c.name)} & _NOT_THE_HAND]
     named = [c for c in columns if FORCE in (_WORDS.get(w) for w in words_of(c.name))]
     columns = [c for c in columns if c not in named]
     pairs = _derivatives(columns)
@@ -283,7 +289,7 @@ def _by_numbers(columns: Sequence[Column]) -> dict[str, list[Column]]:
 
 def _by_order(columns: Sequence[Column]) -> dict[str, list[Column]]:
     """The first column that moves, and the first of the next array, where there are at least two."""
-    alive = [c for c in columns if np.ptp(c.values) > 0.0]
+    alive = [c for c in columns if _span(c.values) > 0.0]
     if len(alive) < 2:
         return {}
     force = next(
