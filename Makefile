@@ -2,14 +2,19 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+TWINS := models laws skills plants trials
 
-.PHONY: demo test lint docs bench clean
+.PHONY: demo test twins lint docs bench clean
 
 demo: $(VENV)/.demo
 	$(BIN)/comanip demo --out out
 
 test: $(VENV)/.test
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
+
+# What is compiled has a twin in Python, which runs where nothing was compiled: the rooms that have twins, once with these alone.
+twins: $(VENV)/.test
+	COMANIP_KERNELS=numpy $(BIN)/python -m pytest -n auto --dist worksteal $(addprefix tests/,$(TWINS))
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -308,17 +308,25 @@ def test_what_is_no_orientation_is_refused_with_its_frame():
         fit_riemannian_gmm(still, 3, channels=POSE)
 
 
-def test_a_tick_takes_less_than_a_millisecond():
-    import time
+def test_a_tick_is_some_hundred_calls():
+    """Counted, as seconds are the machine's: some 470 of Python and numpy, which take less than a millisecond."""
+    import sys
+
+    calls = [0]
+
+    def count(frame, event, argument):
+        calls[0] += event in ("call", "c_call")
 
     model = fit_riemannian_hmm(lessons(np.random.default_rng(15)), 5, channels=POSE).model
     forward, line = RiemannianFilter(model, "q"), RiemannianRegression(model, "time", "q")
     q = model.means[0, 1:]
     took = []
     for n in range(200):
-        begun = time.perf_counter()
+        calls[0] = 0
+        sys.setprofile(count)
         h = forward.step(q)
         q = line.predict(h, np.array([n / 200.0]), start=q).mean
-        took.append(time.perf_counter() - begun)
-    assert np.median(took) < 5e-3  # a shared core; measured: below 1 ms
-    print(f"median tick {np.median(took) * 1e6:.0f} us")
+        sys.setprofile(None)
+        took.append(calls[0])
+    assert np.median(took) < 700
+    assert max(took) < 1200
