@@ -12,7 +12,7 @@ folder = Path("out/example_stream")
 folder.mkdir(parents=True, exist_ok=True)
 paths = [str(folder / f"follower_{number}.mcap") for number in range(4)]
 for path, lesson in zip(paths, teach("follower", len(paths), rng=np.random.default_rng(0)), strict=True):
-    hand = {name: channel for name, channel in lesson.channels.items() if name.startswith("hand.")}
+    hand = {name: lesson[name] for name in ("hand.position", "hand.velocity", "hand.sensor_force")}
     write(Recording(hand, lesson.metadata), path)  # what each pass reads again is what it learns from, and no more
 
 channels = ("position.z", "force.z", "velocity.z")

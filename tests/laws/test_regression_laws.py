@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from comanip.fitting.gmm import fit_gmm
 from comanip.models import gmm
 from comanip.models.gmm import Gmm
-from comanip.models.gmr import Regression, regress
+from comanip.models.gmr import Regression, conditional_lines, regress
 from toys import random_gmm
 
 
@@ -126,3 +126,44 @@ def test_the_covariance_is_that_of_the_mixture_as_a_whole():
     assert found.covariance[0, 0, 0] == pytest.approx(1.0 + 1e-8, rel=1e-9)
     uneven = regress(Gmm([0.9, 0.1], model.means, near, ("x", "y")), "x", "y", np.zeros((1, 1)), weights="mixture-with-priors")
     assert uneven.covariance[0, 0, 0] == pytest.approx(4.0 * 0.9 * 0.1 + 1e-8, rel=1e-9)
+
+
+def test_noise_of_an_input_counts_in_the_weights_as_in_the_lines():
+    """Two states side by side; with much noise on the input nothing says which it is."""
+    model = Gmm([0.5, 0.5], [[-1.0, 0.0], [1.0, 8.0]], np.array([np.diag([0.1, 0.1])] * 2), ("x", "y"))
+    clear = Regression(model, "x", "y").shares(np.array([[0.9]]))
+    doubtful = Regression(model, "x", "y", input_noise={"x": 100.0}).shares(np.array([[0.9]]))
+    expected = np.exp(-0.5 * np.array([1.9, -0.1]) ** 2 / 100.1)
+    assert clear[0, 1] > 0.999
+    np.testing.assert_allclose(doubtful[0], expected / expected.sum(), rtol=1e-9)
+    found = regress(model, "x", "y", np.array([[0.9]]), input_noise={"x": 100.0})
+    np.testing.assert_allclose(found.mean[0, 0], 8.0 * doubtful[0, 1], rtol=1e-9)
+
+
+def test_an_input_that_is_missing_leaves_the_noise_of_the_others():
+    model = random_gmm(np.random.default_rng(6), 3)
+    x = np.array([[0.4, np.nan]])
+    noise = {"c0": 2.5, "c1": 0.7}
+    found = regress(model, ("c0", "c1"), "c2", x, input_noise=noise, weights=np.array([[0.2, 0.3, 0.5]]))
+    alone = regress(model, "c0", "c2", x[:, :1], input_noise={"c0": 2.5}, weights=np.array([[0.2, 0.3, 0.5]]))
+    np.testing.assert_allclose(found.mean, alone.mean, rtol=1e-12)
+    np.testing.assert_allclose(found.covariance, alone.covariance, rtol=1e-12)
+
+
+def test_an_axis_that_was_locked_says_nothing_though_rounding_does():
+    """A constant 1e6 m away varies by rounding alone, and that goes with everything."""
+    rounding = 1e-18
+    covariance = np.array([[rounding, 0.0, 0.5 * rounding**0.5], [0.0, 1.0, 2.0], [0.5 * rounding**0.5, 2.0, 5.0]])
+    model = Gmm([1.0], [[1e6, 0.0, 0.0]], covariance[None], ("locked", "free", "y"))
+    gains = Regression(model, ("locked", "free"), "y").gains[0, 0]
+    np.testing.assert_allclose(gains, [0.0, 2.0], rtol=1e-12)
+
+
+def test_inputs_that_repeat_each_other_to_the_last_digit_have_finite_gains_in_any_unit():
+    """The two share what one alone would say; a unit of 1e-9 changes nothing but the gain's own unit."""
+    for unit in (1.0, 1e-9):
+        scale = np.diag([1.0, unit, 1.0])
+        covariance = scale @ np.array([[1.0, 1.0, 1.0], [1.0, 1.0 + 1e-15, 1.0], [1.0, 1.0, 2.0]]) @ scale
+        lines = conditional_lines(np.zeros((1, 3)), covariance[None], np.array([0, 1]), np.array([2]))
+        np.testing.assert_allclose(lines.gains[0, 0] @ [1.0, unit], 1.0, rtol=1e-3)
+        assert np.abs(lines.gains[0, 0] * [1.0, unit]).max() < 10.0
