@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from math import nan
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,7 @@ import numpy as np
 from ..interaction import CausalInteractionForce
 from ..interfaces import Array
 from ..kernels import layouts
-from ..models.filtering import ForwardFilter
-from ..safety.compiled_tick import LIMITS
+from ..safety.compiled_tick import numbers_of as limits_of
 from ..safety.envelope import Envelope
 from ..skills.collaborate import CollaborativeLaw, CollaborativeSkill, tables_of
 from ..skills.foresight import GRID, LATE_S, PACES, PRIOR
@@ -84,7 +82,7 @@ def numbers_of(controller: Controller) -> Numbers:
         plans=plans,
         alike=alike,
         keep=keep,
-        filter=_filter(watch.filter),
+        filter=watch.filter.numbers,
         heard=len(watch.seen),
         patience=watch.filter.patience,
         gate=watch.filter.gate,
@@ -110,19 +108,13 @@ def _plans(skill: Any) -> tuple[tuple[Array, ...], int, float]:
     return (tables, ways, np.array([one.heading for one in seen.plans]), GRID, PRIOR), len(PACES) * len(LATE_S), seen._keep
 
 
-def _filter(watched: ForwardFilter) -> tuple[Array, ...]:
-    white = watched.whitening
-    return white.origin, white.factors, white.centres, white.log_peak, watched.initial, watched.chain
-
-
 def _envelope(envelope: Envelope) -> tuple[Array, Array, tuple[int, int, int]]:
     checker, let_go = envelope._checker, envelope._let_go
-    limits = [*attrgetter(*LIMITS)(envelope.limits), envelope._dt, envelope._late, envelope._stale]
     rules = [checker.v_max, checker.a_max, checker.dt]
     pulls, before = let_go._pulls.maxlen, let_go._before.maxlen
     assert pulls is not None
     assert before is not None
-    return np.array(limits, dtype=float), np.array(rules, dtype=float), (pulls, before, let_go._swing)
+    return limits_of(envelope), np.array(rules, dtype=float), (pulls, before, let_go._swing)
 
 
 def _weighing(controller: Controller) -> tuple[tuple[Any, ...], int]:

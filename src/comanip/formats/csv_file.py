@@ -22,6 +22,7 @@ from ..recording import Channel, Recording
 from ..whole_file import write_whole
 from .cells import NOTHING, Style, is_moment, is_number, moments, numbers, style_of
 from .columns import sign_and_name, unit_in, unknown
+from .files import header_of
 from .layout import (
     MOST_ABOVE,
     Lines,
@@ -292,14 +293,7 @@ def _row_names(cells: Sequence[str]) -> bool:
 
 def write_csv(recording: Recording, path: Path) -> None:
     """Writes every channel as columns "<channel>.<axis>"; floats in full, stamps of all channels in one time column."""
-    for name, channel in recording.channels.items():
-        if not (np.isfinite(channel.time).all() and (np.diff(channel.time) > 0).all()):
-            raise RecordingError(f"{path}: channel {name!r} has stamps that do not increase; write it as .mcap")
-    layout = {n: {"unit": c.unit, "frame": c.frame, "axes": list(c.axes)} for n, c in recording.channels.items()}
-    try:
-        head = json.dumps({"version": VERSION, "channels": layout, "metadata": dict(recording.metadata)})
-    except (TypeError, ValueError) as error:
-        raise RecordingError(f"{path}: the metadata must be plain JSON values: {error}") from None
+    head = header_of(recording, path, VERSION)
     channels = recording.channels.values()
     time = np.unique(np.concatenate([c.time for c in channels])) if recording.channels else np.empty(0)
     columns = [[repr(t) for t in time.tolist()]]

@@ -20,6 +20,7 @@ from ..recording import Channel, Recording
 from .assemble import assemble
 from .columns import Columns, recognise, sign_and_name, unit_in, unknown
 from .doors import only
+from .files import header_of
 
 OURS, SEAL = b"comanip", b"comanip.sha256"
 VERSION = 1
@@ -224,14 +225,7 @@ def write_parquet(recordings: Sequence[Recording], path: Path) -> None:
         import pyarrow.parquet as parquet
     except ImportError:
         raise RecordingError(f"{path}: writing Parquet needs pyarrow: pip install 'comanip[parquet]'") from None
-    for name, channel in recording.channels.items():
-        if not (np.isfinite(channel.time).all() and (np.diff(channel.time) > 0).all()):
-            raise RecordingError(f"{path}: channel {name!r} has stamps that do not increase; write it as .mcap")
-    layout = {n: {"unit": c.unit, "frame": c.frame, "axes": list(c.axes)} for n, c in recording.channels.items()}
-    try:
-        head = json.dumps({"version": VERSION, "channels": layout, "metadata": dict(recording.metadata)})
-    except (TypeError, ValueError) as error:
-        raise RecordingError(f"{path}: the metadata must be plain JSON values: {error}") from None
+    head = header_of(recording, path, VERSION)
     time = np.unique(np.concatenate([np.empty(0), *[c.time for c in recording.channels.values()]]))
     arrays, names = [arrow.array(time)], ["time"]
     for name, channel in recording.channels.items():

@@ -204,15 +204,18 @@ class ForwardFilter(StateFilter):
     def _link(self) -> None:
         self.compiled = None  # the same tick in C, for this step and for a compiled law
         if kernels.native is not None and len(self.channels) <= 256:
-            self.compiled = kernels.native.Filter(
-                *self._all.arrays, self._initial, self._chain, self._weights, self._state, self.gate, self.patience
-            )
+            self.compiled = kernels.native.Filter(*self.numbers, self._weights, self._state, self.gate, self.patience)
         self._tick = self.compiled and self.compiled.step
 
     @property
     def chain(self) -> Array:
         """A (K, K) as this filter uses it, with its floor."""
         return self._chain
+
+    @property
+    def numbers(self) -> tuple[Array, ...]:
+        """All that a tick computes with, as the compiled kernels take it: origin, factors, centres, peaks, initial, chain."""
+        return *self._all.arrays, self._initial, self._chain
 
     def step(self, xi: Array) -> Array:
         """Takes in one tick xi (D,) and gives the weights (K,): a view that the next step overwrites."""

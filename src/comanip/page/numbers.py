@@ -10,7 +10,6 @@ import base64
 from collections.abc import Mapping
 from dataclasses import asdict
 from math import nan
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from ..learned.skill import LearnedSkill
 from ..reproduction import make_auto, make_skill
 from ..safety import detectors
 from ..safety import limits as taught
+from ..safety.compiled_tick import numbers_of
 from ..safety.limits import Limits
 from ..signals.exponential import exponential
 from ..signals.filters import lowpass_coefficients
@@ -123,9 +123,7 @@ def _laws(inner: Any) -> list[Array]:
 
 def _limits(skill: Any) -> list[Array]:
     """The block "limits", then the walls (d, 2)."""
-    own = {"_dt": skill.dt, "_late": skill._late, "_stale": skill._stale}
-    values = [own[name] if name in own else float(attrgetter(name)(skill.limits)) for name in layouts.BLOCKS["limits"]]
-    return [np.array(values), np.array(skill._walls)]
+    return [numbers_of(skill), np.array(skill._walls)]
 
 
 def _paths(inner: Any) -> list[Array]:
@@ -137,7 +135,7 @@ def _paths(inner: Any) -> list[Array]:
 
 def _filters(inner: Any) -> list[Array]:
     """Watch's filter; and where roles change by evidence its numbers, and each filter behind its number of states."""
-    found = _filter(inner._watch.filter)
+    found = list(inner._watch.filter.numbers)
     evidence = inner.evidence if isinstance(inner, RoleSkill) else None
     if evidence is None:
         return found
@@ -145,13 +143,8 @@ def _filters(inner: Any) -> list[Array]:
     about = np.array([dt, dt / doubts.switch_s, dt / doubts.memory_s, doubts.gate])
     found += [about, evidence._prior, evidence._centre, evidence._spread]
     for one in evidence._filters:
-        found += [np.array([one.n_states]), *_filter(one)]
+        found += [np.array([one.n_states]), *one.numbers]
     return found
-
-
-def _filter(one: Any) -> list[Array]:
-    white = one.whitening
-    return [*white.arrays, one.initial, one.chain]
 
 
 def constants(task: Task, *, dt: float) -> dict[str, Any]:

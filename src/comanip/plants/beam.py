@@ -55,6 +55,19 @@ class WristSensor:
     delay_s: float = 0.005
 
 
+def shown(
+    *, far_force: Array, far_position: Array, tilt: Array, acceleration: Array, true_force: Array
+) -> dict[str, tuple[Array, str]]:
+    """The channels of every plant that carries something, (d,) each, with their units."""
+    return {
+        "partner.force": (far_force, "N"),
+        "partner.position": (far_position, "m"),
+        "beam.tilt": (tilt, "rad"),
+        "hand.acceleration": (acceleration, "m/s^2"),
+        "hand.true_force": (true_force, "N"),
+    }
+
+
 class _TransverseAxis:
     """State of one axis across the beam; everything is a float because d is small and ticks are many."""
 
@@ -165,13 +178,10 @@ class BeamPlant(Copied):
         self._ends = self._shown.reshape(SHOWN, d)
         self._far_position, self._far_velocity, self._partner_force, self._sampled = self._ends[-4:]
         self._tilt, self._acceleration, self._true_force = np.zeros(d), np.zeros(d), np.zeros(d)
-        self._channels = {
-            "partner.force": (self._partner_force, "N"),
-            "partner.position": (self._far_position, "m"),
-            "beam.tilt": (self._tilt, "rad"),
-            "hand.acceleration": (self._acceleration, "m/s^2"),
-            "hand.true_force": (self._true_force, "N"),
-        }
+        self._channels = shown(
+            far_force=self._partner_force, far_position=self._far_position, tilt=self._tilt, acceleration=self._acceleration,
+            true_force=self._true_force,
+        )  # fmt: skip
         self.reset()
 
     @property

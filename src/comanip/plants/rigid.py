@@ -25,7 +25,7 @@ from ..interaction import TurningLoad
 from ..interfaces import Array, Command, Observation, Partner
 from ..people.intent import Course, Curve
 from ..signals.second_order import second_order_step
-from .beam import WristSensor
+from .beam import WristSensor, shown
 
 STEP_S = 0.005  # of sampled courses
 TORQUE_M = 0.05  # a wrist sensor's noise and bias of torque [N m] over those of force [N]
@@ -190,13 +190,10 @@ class RigidPlant:
         self._decay = exp(-self._step / held.actuator_lag_s)
         self._commanded, self._grip, self._grip_speed, self._pull = (np.zeros(d) for _ in range(4))
         self._true, self._twisted, self._shown_acceleration = np.zeros(d), np.zeros(d), np.zeros(d)
-        self._channels = {
-            "partner.force": (np.zeros(d), "N"),
-            "partner.position": (np.zeros(d), "m"),
-            "beam.tilt": (self._twisted, "rad"),
-            "hand.acceleration": (self._shown_acceleration, "m/s^2"),
-            "hand.true_force": (self._true, "N"),
-        }
+        self._channels = shown(
+            far_force=np.zeros(d), far_position=np.zeros(d), tilt=self._twisted, acceleration=self._shown_acceleration,
+            true_force=self._true,
+        )  # fmt: skip
         self.reset()
 
     @property

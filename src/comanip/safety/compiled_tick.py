@@ -12,11 +12,19 @@ from typing import Any
 import numpy as np
 
 from .. import kernels
-from ..interfaces import Command, Observation
+from ..interfaces import Array, Command, Observation
 from ..kernels import layouts
 from .reasons import number_of, said_of, same
 
 LIMITS = layouts.BLOCKS["limits"][:-3]
+
+
+def numbers_of(envelope: Any) -> Array:
+    """The block "limits" of an envelope: what its `Limits` say, and the periods that it was made for."""
+    own = (envelope._dt, envelope._late, envelope._stale)
+    return np.array([*attrgetter(*LIMITS)(envelope.limits), *own], dtype=float)
+
+
 GUARD, GUARDED = layouts.BLOCKS["guard"], layouts.BLOCKS["guarded"]
 LEDGER, VECTORS = layouts.BLOCKS["scalars"], layouts.BLOCKS["vectors"]
 AT = {name: n for n, name in enumerate(GUARD)}
@@ -48,7 +56,7 @@ class CompiledTick:
             (ledger, n) for n in range(len(LEDGER))
         ]
         self._rows = [self._guarded[n] for n, name in enumerate(GUARDED) if name.startswith("_")] + list(vectors)
-        numbers = np.array([*attrgetter(*LIMITS)(limits), envelope._dt, envelope._late, envelope._stale], dtype=float)
+        numbers = numbers_of(envelope)
         rules = np.array([checker.v_max, checker.a_max, checker.dt, *np.ravel(checker.walls)])
         self.compiled = kernels.native.Envelope(
             numbers, rules, np.array(envelope._walls), self._memory, envelope._tank, envelope._mode, envelope._confidence, d,

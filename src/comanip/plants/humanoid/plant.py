@@ -17,7 +17,7 @@ import numpy as np
 
 from ...errors import ParameterError, check_generator, check_has
 from ...interfaces import STANDARD_GRAVITY, Array, Command, Observation, Partner
-from ..beam import Beam, WristSensor
+from ..beam import Beam, WristSensor, shown
 from .inverse_kinematics import WORLD, InverseKinematics
 from .robot import Robot, load_robot
 from .scene import (
@@ -121,11 +121,13 @@ class HumanoidPlant:
         self._far, self._far_speed = FAR_POSITION + self._task, FAR_VELOCITY + self._task
         joints, base = np.zeros(len(scene.joints)), np.zeros(7)
         self._channels: dict[str, tuple[Array, str]] = {
-            "partner.force": (self._force, "N"),
-            "partner.position": (self._position, "m"),
-            "beam.tilt": (np.zeros(d), "rad"),
-            "hand.acceleration": (np.zeros(d), "m/s^2"),
-            "hand.true_force": (np.zeros(d), "N"),
+            **shown(
+                far_force=self._force,
+                far_position=self._position,
+                tilt=np.zeros(d),
+                acceleration=np.zeros(d),
+                true_force=np.zeros(d),
+            ),
             "robot.joints": (joints, "rad"),
             "robot.joint_reference": (joints.copy(), "rad"),
             "robot.torque": (joints.copy(), "N m"),
