@@ -263,8 +263,8 @@ def test_what_a_partner_of_somebody_raises_is_told_by_file_and_line(tmp_path):
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux bounds the address space of a process")
 def test_a_partner_cannot_take_all_memory(tmp_path):
     (tmp_path / "mine.py").write_text(
-        "class Mine:\n    def reset(self, position): self.kept = []\n    def force(self, time, position, velocity, out):\n"
-        "        self.kept.append(bytearray(1 << 28))\n"
+        "import numpy as np\nclass Mine:\n    def reset(self, position): self.kept = []\n"
+        "    def force(self, time, position, velocity, out):\n        self.kept.append(np.empty(1 << 25))  # 256 MB, untouched\n"
     )
     done = comanip("trial", "--role", "follower", "--partners", 1, "--workers", 1, "--partners-from", "mine.py", cwd=tmp_path)
     assert done.returncode == 2

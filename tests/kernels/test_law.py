@@ -92,7 +92,7 @@ def alike(one, other, where):
     assert one.notice == other.notice
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=45, deadline=None)
 @given(st.sampled_from(KINDS), st.integers(1, 6), st.integers(0, 2**31), st.booleans(), st.sampled_from([0.001, 0.01, 0.04]))
 def test_bit_by_bit(kind, d, seed, rough, dt):
     rng = np.random.default_rng(seed)

@@ -133,7 +133,7 @@ def mischief(rng, pair):
             command.velocity = command.velocity.copy()
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.integers(1, 3), st.integers(0, 2**31))
 def test_for_ever_the_same(d, seed):
     rng = np.random.default_rng(seed)

@@ -220,7 +220,7 @@ def test_regression_backwards_finds_the_time_of_an_orientation():
 
 
 @pytest.mark.filterwarnings("ignore:not converged")
-@seeds
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([0.05, 0.8, 2.0]))
 def test_the_likelihood_never_falls(seed, spread):
     """`climb` raises InternalError if it does; some states are as wide as the sphere, where averages are not best."""

@@ -144,7 +144,8 @@ def test_lift_is_drawn_as_it_always_was():
 @pytest.mark.parametrize("role", ["leader", "follower", "natural"])
 def test_lessons_hold_force_and_honest_spread(name, role):
     task = named(name)
-    lessons = teach(role, 2, task=name, rng=np.random.default_rng(2))
+    n = 3 if task.moving_s + task.rests_s < 5.0 else 2  # of what takes long the second tells enough
+    lessons = teach(role, n, task=name, rng=np.random.default_rng(2))
     ends, lasted = [], []
     for lesson in lessons:
         assert lesson["hand.position"].axes == task.axes
@@ -157,8 +158,8 @@ def test_lessons_hold_force_and_honest_spread(name, role):
         assert 0.8 < force < 30.0
         assert lesson.metadata.get("clearance_m", 1.0) > 0.0
     assert np.abs(ends).max() < 0.06
-    assert np.ptp(lasted) > 0.02
-    assert [d.axes for d in demonstrations(lessons, rate_hz=100.0)] == [task.axes] * 2
+    assert np.ptp(lasted) > (0.1 if n == 3 else 0.02)
+    assert [d.axes for d in demonstrations(lessons, rate_hz=100.0)] == [task.axes] * n
 
 
 def test_lessons_of_several_goals_go_to_each_of_them():
@@ -197,7 +198,7 @@ def test_a_new_file_in_the_folder_is_found(own, tmp_path):
 def test_every_misbehaviour_runs_in_d_axes(role):
     """In the plane round the corner: who hesitates stands, who reverses comes back."""
     task = named("round-the-corner")
-    for seed in range(3):
+    for seed in range(2):
         for behaviour in ("hesitates", "reverses", "blocks", "lets go", "changes role"):
             case = replace(draw_case(role, np.random.default_rng(seed), task=task), behaviour=behaviour, event=0.5, onset_s=0.5)
             if case.leads and behaviour == "reverses":
