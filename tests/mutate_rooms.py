@@ -227,7 +227,7 @@ ROOMS: dict[str, tuple[str, list[Fault]]] = {  # file -> (the tests that are to 
         ],
     ),
     "skills/collaborate.py": (
-        "tests/skills/test_collaborate.py",
+        "tests/skills/test_pace.py tests/skills/test_collaborate.py",
         [
             ("rate *= reference.top_speed / speed", "pass"),
             ("return min(1.0, self.reference.top_speed / asked) if asked > 1e-9 else 1.0", "return 1.0"),

@@ -222,7 +222,6 @@ def test_a_witness_that_computes_otherwise_is_seen(tmp_path):
         "x86-64-plain",
         text._replace(c=text.c.replace("#define EASES_IN_S 0.3", "#define EASES_IN_S 0.31")),
         tmp_path,
-        flags=QUICK,
     )
     taken = python_run(make(), np.random.default_rng(2), "well", 400)
     assert differs(0, taken, *other.answers([(taken.obs, list(taken.rearmed))])[0])
