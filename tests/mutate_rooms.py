@@ -135,7 +135,8 @@ ROOMS: dict[str, tuple[str, list[Fault]]] = {  # file -> (the tests that are to 
         ],
     ),
     "skills/teleoperation.py": (
-        "tests/skills/test_teleoperation_power.py tests/faults/test_teleoperation_faults.py",
+        "tests/skills/test_teleoperation_power.py tests/faults/test_teleoperation_faults.py "
+        "tests/faults/test_teleoperation_absurd.py",
         [
             ("* power / self._scale**2", "* power / self._scale"),
             ("sqrt(2.0 * a * max(left, 0.0)) - a * self._dt", "sqrt(2.0 * a * max(left, 0.0))"),
@@ -205,7 +206,7 @@ ROOMS: dict[str, tuple[str, list[Fault]]] = {  # file -> (the tests that are to 
         ],
     ),
     "robots/guard.py": (
-        "tests/robots/test_over_wire.py",
+        "tests/robots/test_guard.py tests/robots/test_over_wire.py",
         [
             ("left = max(0.0, speed - self._a * self._dt)", "left = speed"),
             ("walls.append((max(low, least), min(high, most)))", "walls.append((least, most))"),

@@ -98,6 +98,50 @@ def test_o2_clutch_and_matching_pose_go_on_and_fade_in():
     assert steps(run) <= A_MAX * 0.001 + 1e-12
 
 
+def fails_once(t, v):
+    """A sample that cannot be, at 1 s."""
+    return 300.0 if 1.0 <= t < 1.0015 else v
+
+
+def test_o2_pressed_while_the_arm_still_brakes_it_goes_on_holding():
+    device = Scripted(lambda t: 0.2, clutch=lambda t: not 1.003 < t < 1.006, sample=fails_once)
+    run = driven(device, duration=2.0)
+    assert hold(run)[at(run, 1.01) :].all()
+
+
+def test_o2_pressed_at_the_wrong_place_the_clutch_must_be_released_once_more():
+    """The handle is away when the clutch comes back, and comes back itself while it is pressed: that is no pressing."""
+
+    def moves(t):
+        return 0.4 if 1.2 <= t < 1.4 else -0.4 if 2.0 <= t < 2.2 else 0.0
+
+    run = driven(Scripted(moves, clutch=lambda t: not 1.5 < t < 1.6, sample=fails_once), duration=3.0)
+    assert run["coupling.mismatch"].values[at(run, 1.7), 0] > 0.05
+    assert run["coupling.mismatch"].values[-1, 0] < 0.01
+    assert hold(run)[at(run, 1.01) :].all()
+    again = driven(Scripted(moves, clutch=lambda t: not (1.5 < t < 1.6 or 2.5 < t < 2.6), sample=fails_once), duration=3.0)
+    assert not hold(again)[at(again, 2.62) :].any()
+
+
+def test_o4_a_delay_that_grows_takes_feedback_away_at_once_and_gives_it_back_slowly():
+    device = Scripted(lambda t: 0.0)
+    delay = np.zeros(1)
+    device.channels["device.delay"] = (delay, "s")
+
+    def grows(obs, command):
+        delay[0] = 0.1 if 0.995 < obs.time < 1.995 else 0.0
+
+    run = driven(device, plant=FreeHand(force=lambda t, x: 5.0), duration=3.0, taps=[grows])
+    gain = run["coupling.gain"].values[:, 0]
+    assert gain[at(run, 0.99)] == 1.0
+    assert gain[at(run, 1.002)] == pytest.approx(0.1)
+    assert gain[at(run, 1.9)] == pytest.approx(0.1)
+    back = gain[at(run, 2.002) : at(run, 2.05)]
+    assert back.max() < 0.7
+    assert (np.diff(back) > 0.0).all()
+    assert gain[-1] == pytest.approx(1.0, abs=1e-3)
+
+
 # O3: the first frame
 
 

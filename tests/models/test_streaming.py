@@ -208,8 +208,14 @@ def test_a_skill_from_shards_is_the_skill_from_memory(tmp_path, lessons):
     same(there.model, here.model, rtol=1e-8)
     np.testing.assert_allclose(there.clock.means, here.clock.means, rtol=1e-7, atol=1e-8)
     np.testing.assert_allclose(there.clock.covariances, here.clock.covariances, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(there.clock.weights, here.clock.weights, rtol=1e-7)
     np.testing.assert_allclose(there.workspace, here.workspace, rtol=1e-12)
     np.testing.assert_array_equal(there.ends, here.ends)
+    assert len(there.paths) == len(here.paths) == 1
+    for one, other in zip(there.paths, here.paths, strict=True):
+        assert one.step_s == other.step_s
+        for name in ("position", "force", "spread", "ends"):
+            np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-12, err_msg=name)
 
 
 def test_recordings_are_shards_too(tmp_path, lessons):

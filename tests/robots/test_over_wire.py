@@ -266,6 +266,15 @@ def test_each_fault_is_found_by_the_check_of_its_name(rested, skills, spoil, nam
     assert name in names
 
 
+def test_a_sensor_slower_than_the_ticks_is_not_missing(rested, skills):
+    """It speaks in each third tick alone; a pose that does is a fault."""
+    seldom = np.arange(1000)[:, None] % 3 == 0
+    names, payload = failed(replace(rested, force=np.where(seldom, rested.force, np.nan)), skills)
+    assert names == []
+    assert payload.mass_kg == pytest.approx(9.8 / 0.5 / 9.80665, abs=0.02)
+    assert failed(replace(rested, position=np.where(seldom, rested.position, np.nan)), skills)[0] == ["samples"]
+
+
 def test_another_object_and_a_pull_across_gravity_are_found(rested, skills):
     assert failed(rested, skills, replace(FAKE, mass_kg=3.5))[0] == ["payload"]
     wide = replace(
