@@ -2,7 +2,7 @@
 
 The paper's two sets (section II-A): robot as follower (teacher blind, partner leads) and robot as leader (teacher leads,
 partner blind). A third set is "natural": nobody is told a role, both know about how high and how fast, and each gives way to
-what he feels of the other. Each lesson draws its size, duration, onset and the day's arms from stated distributions.
+what is felt of the other. Each lesson draws its size, duration, onset and the day's arms from stated distributions.
 """
 
 from __future__ import annotations

@@ -23,14 +23,14 @@ from ..interfaces import Array
 
 
 class Person(Protocol):
-    """Whoever holds the handle. Lengths from where he took hold, in the device's scale."""
+    """Whoever holds the handle. Lengths from where it was taken hold of, in the device's scale."""
 
     mass_kg: float
 
     def reset(self) -> None: ...
 
     def force(self, time: float, position: list[float], velocity: list[float], felt: list[float]) -> list[float]:
-        """What his arm does to the handle [N], given what the handle does to his hand."""
+        """What the arm does to the handle [N], given what the handle does to the hand."""
         ...
 
 
@@ -87,7 +87,7 @@ def phantom(axes: tuple[str, ...] = ("z",), **changes: object) -> Handle:
 class HeldHandle:
     """Implements `HapticDevice`: `person` on `handle`.
 
-    start_m    (d,) [m] where the handle is when he takes it, device frame; default: the middle
+    start_m    (d,) [m] where the handle is when it is taken, device frame; default: the middle
     servo_s    [s] period of the device's own loop (physics and measurement)
 
     Channels: device.position (measured) [m], device.applied (force after saturation) [N], device.clutch (1: held down),

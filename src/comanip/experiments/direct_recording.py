@@ -9,7 +9,7 @@ person with a wrist of stiffness k_w:
 The sensor at end 1 reads F_s = -f_1, and eq. (3) makes F of it as in every lesson.
 
 The wrists matter: a hand that lets the beam pivot (k_w = 0) feels only its own half, F = (m/6)(z_1'' - z_2''), and a follower has
-nothing to follow; he would have to look. k_w of two hands on a handle: some 10 to 300 N m/rad, taken as 100.
+nothing to follow, and would have to look. k_w of two hands on a handle: some 10 to 300 N m/rad, taken as 100.
 
 What is compared: force patterns, duration, effort, and what a model learned from one kind of lesson predicts of the other.
 The people are models, and the same models on both sides: that direct lessons of real dyads look like this is not shown.

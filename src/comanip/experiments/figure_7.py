@@ -6,7 +6,7 @@ whatever the timing, stands still while the partner is not ready, then helps; an
 loop: it says nothing about collaboration.
 
 Standing still under 4 N is learned or it is not: it takes lessons in which the hand stood still under several newtons. Our
-usual teacher answers 2 N, and no reading of the law stands still under 4 N after his lessons. A teacher who waits for 6 N
+usual teacher answers 2 N, and no reading of the law stands still under 4 N after those lessons. A teacher who waits for 6 N
 teaches it.
 """
 

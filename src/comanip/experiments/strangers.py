@@ -39,7 +39,7 @@ class Stranger:
         """Forgets what was felt."""
 
     def pull(self, time: float, height: float, speed: float) -> float:
-        """Upward force beyond the weight he carries [N]; height above the start [m] and speed [m/s] of his end, upward."""
+        """Upward force beyond the weight carried [N]; height above the start [m] and speed [m/s] of the own end, upward."""
         return 0.0
 
     def force(self, time: float, position: Array, velocity: Array, out: Array) -> None:
@@ -127,7 +127,7 @@ class Corrects(Leads):
 
 
 class PushesByEye(Leads):
-    """No stiffness at all: pushes with up to 8 N by what he saw 0.15 s ago, through a muscle of 60 ms."""
+    """No stiffness at all: pushes with up to 8 N by what was seen 0.15 s ago, through a muscle of 60 ms."""
 
     def begin(self) -> None:
         self._see, self._muscle = Late(0.15), 0.0
@@ -140,7 +140,7 @@ class PushesByEye(Leads):
 
 
 class Stiffens(Leads):
-    """Three times as stiff while he moves."""
+    """Three times as stiff in motion."""
 
     def begin(self) -> None:
         self._tense = 1.0
@@ -187,7 +187,7 @@ class Arm:
 
 
 class HeavyArm(Leads):
-    """His own arm goes along: the spring pulls on it, and it on the beam."""
+    """The own arm goes along: the spring pulls on it, and it on the beam."""
 
     def begin(self) -> None:
         self._arm = Arm()
@@ -220,7 +220,7 @@ class Relaxes(Stranger):
 
 
 class StepsAfter(Stranger):
-    """Notices three times a second that he is pulled, and goes where the beam is."""
+    """Notices three times a second the pull, and goes where the beam is."""
 
     def begin(self) -> None:
         self._rest = self._goal = 0.0
@@ -237,7 +237,7 @@ class StepsAfter(Stranger):
 
 
 class Foresees(Stranger):
-    """Sees the beam 0.15 s late and goes on as fast as he saw it go."""
+    """Sees the beam 0.15 s late and goes on as fast as it was seen to go."""
 
     def begin(self) -> None:
         self._see = Late(0.15)
@@ -255,7 +255,7 @@ class Sticks(Stranger):
 
 
 class HeavyFollower(Stranger):
-    """His own arm goes along, and its posture after it."""
+    """The own arm goes along, and its posture after it."""
 
     def begin(self) -> None:
         self._arm, self._rest = Arm(), 0.0

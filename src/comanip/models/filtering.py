@@ -233,7 +233,7 @@ class DurationFilter(StateFilter):
     Beside the weights it keeps how long each state will still last: left (K, L), the chance of r = 1..L more frames given that
     this is the state. Evidence chooses between states and never touches it; only time does.
 
-    Who leads lets durations run: rate 1 in `step`, less while his partner holds back. Who follows waits for evidence: at rate 0
+    Who leads lets durations run: rate 1 in `step`, less while the partner holds back. Who follows waits for evidence: at rate 0
     no state ends by the clock, and evidence alone moves the weights on, at once where it is clear. A partner slower than taught
     outlasts a state: evidence then brings it back for another duration.
     """

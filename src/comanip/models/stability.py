@@ -130,7 +130,7 @@ def warnings_of(found: Stability, law: str, compliance: tuple[float, float]) -> 
     if tight := np.flatnonzero((found.slope >= 0.0) & (found.loop_gain.max(axis=1) >= 1.0)).tolist():
         told.append(
             f"{_states(tight)}: loop gain {found.loop_gain[tight].max():.2g} with a partner of "
-            f"{PARTNERS[-1].stiffness_n_per_m:g} N/m: he and the robot will oscillate (below 1 is stable)"
+            f"{PARTNERS[-1].stiffness_n_per_m:g} N/m: the two will oscillate (below 1 is stable)"
         )
     if spread := np.flatnonzero(found.contraction > 0.0).tolist():
         told.append(f"{_states(spread)}: the velocity field does not contract, so a deviation grows by itself")

@@ -205,7 +205,7 @@ def _path(lessons: Sequence[Motion], ends: Array, dt: float, cutoff_hz: float, e
     force = smooth(force, row_s, cutoff_hz)
     spread = np.sqrt(np.square(each - position).sum(axis=2).mean(axis=0))
     framed = np.stack([_apart(each - each[:, :1]), _apart(each - each[:, -1:])])
-    # F is what the partner does beyond carrying his share: at rest nothing, so offsets of a sensor are not expected again
+    # F is what the partner does beyond carrying a share: at rest nothing, so offsets of a sensor are not expected again
     return TaughtPath(row_s, position, force - np.linspace(force[0], force[-1], len(force)), spread, ends, framed)
 
 

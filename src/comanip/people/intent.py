@@ -5,7 +5,7 @@ impedance around an equilibrium x_e that moves by a plan, by what it feels, or b
 
     x_e = A mj((t - t_0)/T) + c        T_a dv_c/dt = -v_c + dz(e(t - tau), dead zone)/D + rho u(t - tau),   dc/dt = v_c
 
-e is the pull beyond what the person expects to carry, u the speed beyond his own plan; both pass a 6 Hz filter and his delay
+e is the pull beyond what the person expects to carry, u the speed beyond the own plan; both pass a 6 Hz filter and the delay
 tau. A plan alone leads, yielding alone follows, both together share: nobody was told a role. Numbers: minimum jerk from Flash
 and Hogan, delays and dead zone as in haptic tracking, sharing as in Reed and Peshkin's dyads (docs/physics.md).
 """
@@ -44,7 +44,7 @@ class Plan:
     lift_m: float = 0.30
     duration_s: float = 2.2
     onset_s: float = 1.0
-    feedforward_kg: float = 1.0  # m_ff: how much of the load's inertia he anticipates
+    feedforward_kg: float = 1.0  # m_ff: how much of the load's inertia is anticipated
 
     def __post_init__(self) -> None:
         if not self.duration_s > 0:
@@ -222,10 +222,10 @@ class Along:
 
 @dataclass(frozen=True)
 class Yielding:
-    """How somebody moves with what he feels."""
+    """How somebody moves with what is felt."""
 
     damping_ns_per_m: float = 25.0  # D: pull [N] it takes for 1 m/s
-    persistence: float = 0.5  # rho: share of the felt speed that he keeps up by himself
+    persistence: float = 0.5  # rho: share of the felt speed that is kept up without being felt
     lag_s: float = 0.10  # T_a
     delay_s: float = 0.15  # tau, haptic voluntary reaction
     dead_zone_n: float = 0.8
@@ -238,7 +238,7 @@ class Yielding:
 
 
 class Intent:
-    """One axis of where a person means his hand to be. `step` says it, `feel` tells what came of it.
+    """One axis of where a person means the hand to be. `step` says it, `feel` tells what came of it.
 
     plan, yielding   either or both; neither is a hand that stays where it is
     step_s           [s] between two calls of `step`

@@ -17,7 +17,7 @@ NextPartner = Callable[[Array, Array], Partner]  # who takes over, given where i
 
 
 class LetsGo:
-    """Holds like `partner` until `at_s`, and then no more: his force is gone within `within_s`."""
+    """Holds like `partner` until `at_s`, and then no more: the force is gone within `within_s`."""
 
     def __init__(self, partner: Partner, at_s: float, within_s: float = 0.05) -> None:
         self._partner, self._at, self._within = partner, at_s, within_s
@@ -31,7 +31,7 @@ class LetsGo:
 
 
 class Blocks:
-    """Like `partner` until `at_s`; from then on his end of the object stands against a wall, where it is at that moment."""
+    """Like `partner` until `at_s`; from then on that end of the object stands against a wall, where it is at that moment."""
 
     def __init__(
         self,
@@ -60,9 +60,9 @@ class Blocks:
 
 
 class Switches:
-    """Several partners one after the other: each takes over at his time, from where the object then is, within `blend_s`.
+    """Several partners one after the other: each takes over at its time, from where the object then is, within `blend_s`.
 
-    later   (time [s], maker) in order of time; the next partner's own clock starts at 0 when he takes over
+    later   (time [s], maker) in order of time; the next partner's own clock starts at 0 at that time
     """
 
     def __init__(self, first: Partner, later: Sequence[tuple[float, NextPartner]], blend_s: float = 0.3) -> None:

@@ -5,9 +5,9 @@ Tsuji for stiffness, Reed and Peshkin for dyads):
 
     f = K (x_e - x) + B (v_e - v) + F_stat + m_ff a_d + noise
 
-leader    x_e is a minimum-jerk plan of his own
-follower  x_e yields to e = F_stat - f, the pull he feels beyond the share of weight he carries
-sharing   both at once: he has a plan and yields to what he did not expect, e = F_stat + m_ff a_d - f
+leader    x_e is a minimum-jerk plan of its own
+follower  x_e yields to e = F_stat - f, the pull felt beyond the share of weight carried
+sharing   both at once: there is a plan, and it yields to what was not expected, e = F_stat + m_ff a_d - f
 """
 
 from __future__ import annotations
@@ -56,11 +56,11 @@ class Arm:
 
 
 class Person(NamedTuple):
-    """A human by numbers, as kernels/_beam.h takes him.
+    """A human by numbers, as kernels/_beam.h takes one.
 
-    numbers (16,) its Human; along (d, 4) whether he moves along an axis, what he carries there, its origin, the phase of his
-    tremor; legs (n, 2 + d) and curve (T, 3, d) of his plan, with the curve's start and step [s]; late, his delay in sub-steps;
-    rng, where his unsteadiness comes from
+    numbers (16,) its Human; along (d, 4) whether it moves along an axis, what it carries there, its origin, the phase of the
+    tremor; legs (n, 2 + d) and curve (T, 3, d) of the plan, with the curve's start and step [s]; late, the delay in sub-steps;
+    rng, where the unsteadiness comes from
     """
 
     numbers: Array
@@ -73,7 +73,7 @@ class Person(NamedTuple):
 
 
 class _Human:
-    """The one model behind the three: he moves along the axes `moving` as he intends and holds the others.
+    """The one model behind the three: along the axes `moving` it goes as it intends, and it holds the others.
 
     plan      a `Course` moves along all axes; a `Plan` or `Legs` is the same motion along each axis of `moving`
     carried   (d,) [N] the share of the weight along each axis; default: all of `arm.carried_n` along "z"
@@ -112,7 +112,7 @@ class _Human:
             intent.reset()
 
     def by_numbers(self) -> Person | None:
-        """This human after his reset, and until the next one; None for one who is not wholly of this module."""
+        """This human after a reset, and until the next one; None for one who is not wholly of this module."""
         ours = type(self) in (HumanLeader, HumanFollower, HumanSharing) and type(self._plan) in (Plan, Legs, Course, type(None))
         asked = "force" in vars(self) or len(self._origin) != len(self.axes)  # by somebody who knows better, or wrongly
         if not ours or asked or any(noise.block for noise in self._noise):
@@ -183,7 +183,7 @@ def _each(values: Sequence[float], axes: tuple[str, ...]) -> tuple[float, ...]:
 
 
 class _Planning(_Human):
-    """Whoever has a plan. `goal` (d,) [m] is where he means the far end to be in the end."""
+    """Whoever has a plan. `goal` (d,) [m] is where the far end is meant to be in the end."""
 
     plan: Plan | Legs | Course
 
@@ -195,7 +195,7 @@ class _Planning(_Human):
 
 
 class HumanLeader(_Planning):
-    """A partner with a plan of his own, who does not give way."""
+    """A partner with a plan, who does not give way."""
 
     def __init__(
         self,
@@ -213,7 +213,7 @@ class HumanLeader(_Planning):
 
 
 class HumanFollower(_Human):
-    """A partner who goes where he is led, by force alone, with a person's delay."""
+    """A partner who goes where the hand leads, by force alone, with a person's delay."""
 
     def __init__(
         self,
@@ -232,7 +232,7 @@ class HumanFollower(_Human):
 
 
 class HumanSharing(_Planning):
-    """A partner without a role: he knows about where to and when, and gives way to what he feels of the other's plan."""
+    """A partner without a role: knows about where to and when, and gives way to what is felt of the other's plan."""
 
     def __init__(
         self,

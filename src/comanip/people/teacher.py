@@ -1,4 +1,4 @@
-"""The teacher: the model of `comanip.people.intent` with his hand on a haptic handle (`devices.phantom.HeldHandle`)."""
+"""The teacher: the model of `comanip.people.intent` with the hand on a haptic handle (`devices.phantom.HeldHandle`)."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class TeacherHand:
 
 
 class Teacher:
-    """Leads by `plan`, follows by `yielding`, or shares with both; with neither he holds still. Implements `Person`.
+    """Leads by `plan`, follows by `yielding`, or shares with both; with neither it holds still. Implements `Person`.
 
-    static_force   (d,) [N] the handle force at rest (the rendered weight), which he carries without thinking
+    static_force   (d,) [N] the handle force at rest (the rendered weight), carried without thinking
     plan           a `Course` moves along all axes; a `Plan` along `moving`
     moving         index of the axis, or of the axes, that the hand moves along; the others it holds
     """

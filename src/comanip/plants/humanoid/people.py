@@ -29,7 +29,7 @@ class Shape(NamedTuple):
 
 
 def person(hands: Array, *, at: Array, facing: float, shirt: Colour) -> list[Shape]:
-    """Somebody of 1.72 m who stands `at` (2,) [m], looks along `facing` * x and holds `hands` (2, 3) [m], his right one first."""
+    """Somebody of 1.72 m who stands `at` (2,) [m], looks along `facing` * x and holds `hands` (2, 3) [m], the right one first."""
     side = np.diag([facing, facing, 1.0])  # half a turn about the vertical
     origin = np.array([at[0], at[1], 0.0])
     grip = [(side @ (hand - origin)) for hand in hands]
