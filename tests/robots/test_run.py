@@ -58,7 +58,7 @@ def test_without_a_name_no_take_is_written_over_another(folder):
     [
         (("follower.json", "--robot", "beem"), "robot 'beem' is unknown; there are: beam, crisp"),
         (("follower.json", "--robot", "crisp"), "crisp: [axes] is missing"),
-        (("follower.json", "--robot", "beam", "--limit", "2"), "limit is 2; allowed: above 0"),
+        (("follower.json", "--robot", "beam", "--limit", "2"), "(--limit) is 2; allowed: above 0"),
         (("follower.json", "--robot", "beam", "--preflight-s", "0"), "--preflight-s is a time"),
         (("follower.json", "leader.json", "--robot", "beam"), "2 skills and no --role"),
         (("follower.json", "--robot", "beam", "--role", "leader"), "leader"),
