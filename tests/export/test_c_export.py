@@ -23,6 +23,7 @@ from comanip.export.controller import controller
 from comanip.export.loaded import STRICT, Loaded, compiled, compiler
 from comanip.export.self_test import self_test
 from comanip.export.witness import WITNESSES, Witness, missing
+from comanip.parts import LAWS
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler (cc, gcc or clang) on this machine")
 pytestmark = needs_compiler
@@ -151,10 +152,20 @@ def test_names_are_identifiers(stem, name):
 @pytest.mark.parametrize(
     ("about", "why"),
     [
-        ({"law": "paper"}, "law 'paper' cannot be exported: its tick is Python alone; laws that can: default, lqt, even"),
+        *(
+            ({"law": law}, f"law {law!r} cannot be exported: its tick is Python alone; laws that can: default, lqt, even")
+            for law, part in LAWS.items()
+            if not part.yields
+        ),
+        ({"law": "lqr"}, "'lqr'"),
         ({"role": "natural"}, "role 'natural' cannot be exported: say leader, follower or auto"),
         ({"load_share": 0.0}, "load_share is 0; allowed: above 0, to 1"),
         ({"tare_s": -1.0}, "tare_s is -1 s; allowed: 0 or more"),
+        ({"mass_kg": -1.0}, "mass_kg is -1 kg; allowed: 0 or more"),
+        ({"mass_kg": np.inf}, "mass_kg is inf kg; allowed: 0 or more"),
+        ({"force_delay_s": -0.005}, "the force comes -5 ms after the velocity; allowed: 0 to 100 ms"),
+        ({"force_delay_s": 0.4}, "the force comes 400 ms after the velocity; allowed: 0 to 100 ms"),
+        ({"force_delay_s": np.nan}, "the force comes nan ms after the velocity; allowed: 0 to 100 ms"),
         ({"gravity": np.zeros(3)}, "gravity has 3 numbers; allowed: 1, one an axis (x)"),
         ({"dt": 1.0}, "control period 1.0 s; a skill runs at 0.0002 to 0.05 s"),
         ({"role": "follower"}, "the skill was learned as 'leader'; 'follower' was asked for"),

@@ -167,6 +167,30 @@ def test_a_user_rearms_when_nobody_pulls_and_it_goes_on_from_where_it_is(skills)
     assert np.abs(np.diff(run["command.velocity"].values, axis=0)).max() <= FAKE.acceleration_m_per_s2 * robot.plant.dt + 1e-9
 
 
+def test_nothing_runs_again_on_samples_that_stand_still_and_the_reason_stays_in_sight(skills):
+    case = replace(case_of("follower", 3), onset_s=1.0)
+    robot = robot_of(FAKE, case)
+    silent_between(robot, 1.8, 99.0)
+    guard, _lines, payload, heard = flown(robot, skills["follower"])
+    ticks, answers, notices = [], [], []
+
+    def tap(obs, command):
+        ticks.append(obs.time)
+        if len(ticks) == 250:
+            guard.ask_rearm()
+        if len(ticks) == 252:
+            answers.append(guard.answer)
+            notices.append(guard.notice)
+
+    driving.drive(robot, guard, payload, duration_s=3.0, wrench_hz=heard, taps=[tap])
+    assert answers[0].startswith("no ")
+    assert "s: cable, node?" in answers[0]
+    assert 0.5 < float(answers[0].split()[3]) < 0.9  # silent from 1.8 s on, asked at 2.5 s
+    assert guard.rearmed == 0
+    assert notices[0].startswith("HOLD: ")
+    assert notices[0].endswith(f"; not re-armed: {answers[0]}")
+
+
 def test_a_slow_start_is_a_share_of_the_speed(skills):
     case = case_of("leader", 3)
     guard, run = carried(robot_of(FAKE, case), skills["leader"], 4.0, share=0.1)
@@ -178,7 +202,7 @@ def test_a_slow_start_is_a_share_of_the_speed(skills):
 
 @pytest.mark.parametrize("share", [0.0, -1.0, 1.5, np.nan])
 def test_a_share_of_the_speed_is_one(skills, share):
-    with pytest.raises(ParameterError, match=r"limit is .*; allowed: above 0, up to 1"):
+    with pytest.raises(ParameterError, match=r"\(--limit\) is .*; allowed: above 0, up to 1"):
         limits_of(FAKE, ("z",), [skills["leader"]], share=share)
 
 

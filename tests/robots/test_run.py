@@ -9,12 +9,15 @@ import socket
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import forked
+from comanip.commands.view import MODES, View
 from comanip.formats import read
+from comanip.interfaces import Command, Observation
 from comanip.learned.file import save
 
 ENVIRONMENT = {**os.environ, "PYTHONUNBUFFERED": "1"}
@@ -58,7 +61,7 @@ def test_without_a_name_no_take_is_written_over_another(folder):
     [
         (("follower.json", "--robot", "beem"), "robot 'beem' is unknown; there are: beam, crisp"),
         (("follower.json", "--robot", "crisp"), "crisp: [axes] is missing"),
-        (("follower.json", "--robot", "beam", "--limit", "2"), "limit is 2; allowed: above 0"),
+        (("follower.json", "--robot", "beam", "--limit", "2"), "(--limit) is 2; allowed: above 0"),
         (("follower.json", "--robot", "beam", "--preflight-s", "0"), "--preflight-s is a time"),
         (("follower.json", "leader.json", "--robot", "beam"), "2 skills and no --role"),
         (("follower.json", "--robot", "beam", "--role", "leader"), "leader"),
@@ -81,6 +84,21 @@ def test_walls_of_this_arm_are_held_against_where_it_stands(folder):
     assert done.returncode == 2
     assert "narrow.toml: pre-flight: walls: z is 0.8" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("mode", "notice", "reason"),
+    [
+        (2.0, "HOLD: force 60 ms old; not re-armed: no force for 1.2 s", "force 60 ms old; not re-armed: no force for 1.2 s"),
+        (1.0, "COMPLY: a hand that leads alone", "a hand that leads alone"),
+        (0.0, "COMPLY: unlike what was taught", "COMPLY: unlike what was taught"),  # running, but not yet as it was taught
+    ],
+)
+def test_the_view_says_the_mode_once_and_the_reason_whole(mode, notice, reason):
+    about = {"mode": np.array([mode]), "tank": np.array([1.0])}
+    guard = SimpleNamespace(diagnostics=about, notice=notice)
+    shown = View(guard, "fake", "follower", ("z",)).shown(Observation(1), Command(1))
+    assert (shown["mode"], shown["reason"]) == (MODES[int(mode)], reason)
 
 
 def busy_if_late(said, code):

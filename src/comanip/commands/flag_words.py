@@ -24,7 +24,7 @@ NAMED = (
     "load_share", "position_unit", "rate_hz", "recover", "resample_hz", "restarts", "segment_by", "sensor_force", "split_gaps",
     "tare", "tare_auto", "time_unit", "trim_rest_s", "velocity_unit",
 )  # fmt: skip
-OTHERWISE = {"n_states": "--states", "n_jobs": "--workers"}
+OTHERWISE = {"n_states": "--states", "n_jobs": "--workers", "mass_kg": "--mass-kg", "tare_s": "--tare-s"}
 # words that are arguments only where they are given something: time="none" is --time none, and the time is the time
 GIVEN = ("axes", "extra", "force", "mapping", "out", "position", "role", "time", "velocity")
 _NAMES = "|".join(sorted({*NAMED, *OTHERWISE}, key=len, reverse=True))

@@ -55,13 +55,14 @@ class View:
     def shown(self, obs: Observation, command: Command) -> dict[str, Any]:
         """What is to be seen now, as plain values."""
         about = self._guard.diagnostics
-        reasons = [self._guard.notice, self._notice()]
+        mode = MODES[int(about["mode"][0])]
+        reasons = [self._guard.notice.removeprefix(f"{mode}: "), self._notice()]  # the mode stands beside them
         return {
             "time": float(obs.time),
             "position": obs.position.tolist(),
             "velocity": command.velocity.tolist(),
             "force": obs.force.tolist(),
-            "mode": MODES[int(about["mode"][0])],
+            "mode": mode,
             "tank": float(about["tank"][0]),
             "leads": _leads(about),
             "reason": "; ".join(r for r in reasons if r),

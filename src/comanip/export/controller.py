@@ -21,6 +21,7 @@ from ..skills.collaborate import CollaborativeSkill
 from ..skills.roles import RoleSkill
 
 MOST_AXES = 6
+MOST_DELAY_S = 0.1  # of a force behind the velocity: what is kept of the velocity until it comes is part of the state
 MOST_ROWS = 1 << 16  # of all paths together: more than an hour of lessons
 
 
@@ -82,7 +83,8 @@ def controller(
     else:
         raise ParameterError(f"role {acting!r} cannot be exported: say leader, follower or auto")
     assert isinstance(skill, Envelope)
-    _check(skill, one, load_share, tare_s, gravity)
+    _check(skill, one, gravity)
+    _check_object(mass_kg, load_share, tare_s, force_delay_s)
     felt = TaringInteractionForce(
         period,
         gravity=(gravity_along(one.axes) if gravity is None else np.asarray(gravity, dtype=float)).tolist(),
@@ -95,7 +97,7 @@ def controller(
     return Controller(skill, felt, one.axes, period, acting, chosen, hashes)
 
 
-def _check(skill: Envelope, learned: LearnedSkill, share: float, tare_s: float, gravity: Array | None) -> None:
+def _check(skill: Envelope, learned: LearnedSkill, gravity: Array | None) -> None:
     inner: Any = skill.skill
     if not isinstance(inner, CollaborativeSkill | RoleSkill):
         raise ParameterError(f"a {type(inner).__name__} cannot be exported: its tick is Python alone")
@@ -104,12 +106,20 @@ def _check(skill: Envelope, learned: LearnedSkill, share: float, tare_s: float, 
         raise ParameterError(f"{d} axes cannot be exported: the compiled tick has 1 to {MOST_AXES}")
     if (rows := sum(len(r.way) for r in inner._pace.references)) > MOST_ROWS:
         raise ParameterError(f"paths of {rows} rows cannot be exported: {MOST_ROWS} at most; learn from shorter lessons")
+    if gravity is not None and (np.shape(gravity) != (d,) or not np.isfinite(gravity).all()):
+        raise ParameterError(f"gravity has {np.size(gravity)} numbers; allowed: {d}, one an axis ({', '.join(learned.axes)})")
+
+
+def _check_object(mass_kg: float, share: float, tare_s: float, delay_s: float) -> None:
+    """The C has nobody to raise to: what its force estimate cannot be is refused here."""
+    if not (isfinite(mass_kg) and mass_kg >= 0.0):
+        raise ParameterError(f"mass_kg is {mass_kg:g} kg; allowed: 0 or more")
     if not 0.0 < share <= 1.0:
         raise ParameterError(f"load_share is {share:g}; allowed: above 0, to 1")
     if not (isfinite(tare_s) and tare_s >= 0.0):
         raise ParameterError(f"tare_s is {tare_s:g} s; allowed: 0 or more")
-    if gravity is not None and (np.shape(gravity) != (d,) or not np.isfinite(gravity).all()):
-        raise ParameterError(f"gravity has {np.size(gravity)} numbers; allowed: {d}, one an axis ({', '.join(learned.axes)})")
+    if not 0.0 <= delay_s <= MOST_DELAY_S:
+        raise ParameterError(f"the force comes {1e3 * delay_s:g} ms after the velocity; allowed: 0 to {1e3 * MOST_DELAY_S:g} ms")
 
 
 def settings_of(controller: Controller) -> Mapping[str, Any]:

@@ -15,6 +15,7 @@ from ..safety.envelope import Envelope
 from ..safety.limits import Limits, as_taught
 from .settings import Settings
 
+STALE_S = 0.05  # stamps that stand still for longer: nothing is measured, and nothing runs again on what was
 APART_M = 1e3  # how far a shadow's command may run off from the hand, which somebody else moves
 WALL_M = 1e4  # where a simulated robot has no walls of its own
 
@@ -30,6 +31,7 @@ class Guarded:
         self._rearm, self._why, self._over, self.answer = False, "", "", ""
         self.rearmed = 0
         self._last: Array | None = None
+        self._stamps, self._stood_s = (np.nan, np.nan), [0.0, 0.0]  # of pose and force
 
     def ask_rearm(self) -> None:
         """Run again from where the hand is, if it may."""
@@ -49,23 +51,35 @@ class Guarded:
 
     @property
     def notice(self) -> str:
-        return f"not re-armed: {self.answer}" if self.answer else self.envelope.notice
+        said = self.envelope.notice
+        return f"{said}; not re-armed: {self.answer}" if self.answer and self.envelope.mode == "HOLD" else said
 
     def reset(self, obs: Observation) -> None:
         self._rearm, self._why, self._over, self.answer, self.rearmed = False, "", "", "", 0
         self._last = np.zeros(len(obs.position))
+        self._stamps, self._stood_s = (np.nan, np.nan), [0.0, 0.0]
         self.envelope.reset(obs)
 
     def step(self, obs: Observation, command: Command) -> None:
+        stale = self._stale(obs)
         if self._rearm:
             self._rearm = False
-            self.answer = self.envelope.rearm(obs)
+            self.answer = stale or self.envelope.rearm(obs)
             self.rearmed += not self.answer
         self.envelope.step(obs, command)
         if self._why:
             self._brake(command)
         assert self._last is not None
         self._last[:] = command.velocity
+
+    def _stale(self, obs: Observation) -> str:
+        """Which stamp stands still, and for how long; empty: none. One that is missing is the envelope's to judge."""
+        now = obs.time, obs.force_time
+        for i, (stamp, before) in enumerate(zip(now, self._stamps, strict=True)):
+            self._stood_s[i] = self._stood_s[i] + self._dt if stamp == before else 0.0
+        self._stamps = now
+        name, stood = max(zip(("pose", "force"), self._stood_s, strict=True), key=lambda one: one[1])
+        return f"no {name} for {stood:.1f} s: cable, node?" if stood > STALE_S else ""
 
     def _brake(self, command: Command) -> None:
         assert self._last is not None
@@ -106,7 +120,7 @@ def limits_of(
 ) -> Limits:
     """What was taught and what this arm may, whichever is less; the speed is `share` of it (--limit)."""
     if not 0.0 < share <= 1.0:
-        raise ParameterError(f"limit is {share:g}; allowed: above 0, up to 1 (the whole speed)")
+        raise ParameterError(f"share of the speed (--limit) is {share:g}; allowed: above 0, up to 1 (the whole speed)")
     taught = as_taught(learned, yields=yields)
     assert taught.workspace_m is not None
     walls = []

@@ -173,10 +173,10 @@ def weigh(found: Measured, settings: Settings, gravity: Array) -> tuple[Payload,
         off = abs(along - settings.mass_kg) * share * g2**0.5
         ok = off <= OTHER_N
         said = f"feels {along:.2f} kg, payload.mass_kg says {settings.mass_kg:g}"
-        needs = "" if ok else f": {off:.1f} N apart, allowed {OTHER_N:g} N: tare with the hand empty, or another object"
+        needs = "" if ok else f": {off:.1f} N apart, allowed {OTHER_N:g} N: another object, or not tared while empty"
         return payload, [Check("payload", ok, said + needs), _tare(across)]
     if along < 0.0:
-        said = f"weighs {along:.2f} kg: F_s must be the force of the object on the hand; turn force_sign, or tare"
+        said = f"weighs {along:.2f} kg: F_s must be the force of the object on the hand: turn force_sign, or it was not tared"
         return Payload(0.0), [Check("payload", False, said), _tare(across)]
     kept = Payload(along, float(np.linalg.norm(error)) / (share * g2**0.5), tuple(across.tolist()), tuple(error.tolist()))
     return kept, [
@@ -188,7 +188,7 @@ def weigh(found: Measured, settings: Settings, gravity: Array) -> tuple[Payload,
 def _tare(bias: Array) -> Check:
     size = float(np.linalg.norm(bias))
     ok = size <= PULLED_N
-    needs = "" if ok else f"; allowed {PULLED_N:g} N: tare with the hand empty, or let nobody pull"
+    needs = "" if ok else f"; allowed {PULLED_N:g} N: let nobody pull, or not tared while empty"
     return Check("tare", ok, f"bias {size:.2f} N, taken out{needs}")
 
 
