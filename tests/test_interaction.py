@@ -9,7 +9,10 @@ from comanip.errors import ChannelError, ParameterError
 from comanip.interaction import (
     CausalInteractionForce,
     Payload,
+    RigidLoad,
     TaringInteractionForce,
+    TurningInteractionForce,
+    TurningLoad,
     gravity_along,
     identify_payload,
     interaction_force,
@@ -258,3 +261,41 @@ def test_what_is_weighed_on_line_is_the_mass_that_inertia_is_taken_from(mass_kg)
     for _ in range(30):
         estimator.step(obs)
     assert estimator.payload_kg == pytest.approx(mass_kg)
+
+
+def test_what_is_weighed_at_rest_is_mass_along_gravity_and_bias_across_it():
+    taring, obs = TaringInteractionForce(DT, gravity=(6.0, 0.0, -8.0)), Observation(3)
+    bias = np.array([0.4, -0.2, 0.3])  # across gravity, which these axes are turned against
+    for n in range(40):
+        obs.time, obs.velocity[:], obs.sensor_force[:] = n * DT, 0.0, 0.5 * 3.0 * np.array([6.0, 0.0, -8.0]) + bias
+        taring.step(obs)
+    assert taring.payload_kg == pytest.approx(3.0)
+    assert obs.force == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def turned(ticks, moves_at, bias=0.5):
+    """F of an arc that weighs nothing and reads `bias`, then 2 N more from `moves_at` on, where it also moves."""
+    load = TurningLoad(carried_kg=(1.0, 1.0), gravity=(-9.8, 0.0), angle=1, lever_m=0.4)
+    force, obs, seen = TurningInteractionForce(DT, load), Observation(2), []
+    for n in range(ticks):
+        moves = n >= moves_at
+        obs.time, obs.position[:], obs.velocity[:] = n * DT, 0.0, (0.0, 0.05 if moves else 0.0)
+        obs.sensor_force[:] = -9.8 + bias + 2.0 * moves, bias + 2.0 * moves
+        force.step(obs)
+        seen.append(obs.force.copy())
+    return np.array(seen)
+
+
+def test_a_turning_object_is_tared_by_the_mean_of_a_quarter_second_at_rest():
+    still = turned(40, moves_at=40)
+    assert np.abs(still).max() < 1e-9
+    early = turned(60, moves_at=10)  # the window ends where it begins to move
+    assert early[-1] == pytest.approx([2.0, 2.0], abs=1e-3)
+    after = turned(80, moves_at=30)
+    assert after[-1] == pytest.approx([2.0, 2.0], abs=1e-3)
+
+
+def test_a_load_s_centre_is_at_the_hand_unless_stated():
+    assert RigidLoad(2.0).centre_m == (0.0, 0.0, 0.0)
+    load = TurningLoad(carried_kg=(1.0, 1.0), gravity=(0.0, 0.0), angle=1, lever_m=0.4, across=0)
+    assert load.centre_velocity(np.array([0.0, 0.1]), np.array([0.3, 0.2])) == pytest.approx([0.3, 0.2])

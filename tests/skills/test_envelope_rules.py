@@ -271,6 +271,29 @@ def test_an_object_that_swings_at_6_hz_is_told_by_its_longer_mean_while_the_hand
     assert any(found) == said
 
 
+@pytest.mark.parametrize(("off_n", "said"), [(1.7, True), (-1.7, True), (1.8, False), (2.1, False), (-2.1, False)])
+def test_a_light_share_is_carried_alone_within_a_third_of_it(off_n, said):
+    """0.35 of 5 N are 1.75 N, less than the 2.2 N of a heavy one."""
+    watch = LetGo(1, DT, alone_n=2.2, alone_s=0.15, steady_n_s=8.0, stands_m_s=0.06)
+    for _ in range(25):
+        watch.weigh([-5.0], [0.0], [0.0], True)
+    found = []
+    for _ in range(60):
+        watch.weigh([-10.0 + off_n], [-5.0 + off_n], [0.0], False)
+        found.append(watch.step(0.1, DT))
+    assert any(found) == said
+
+
+@pytest.mark.parametrize(("off_n", "said"), [(1.7, True), (1.8, False)])
+def test_what_answers_a_light_share_is_more_than_a_third_of_it(off_n, said):
+    watch = LetGo(1, DT, alone_n=2.2, alone_s=0.15, steady_n_s=8.0, stands_m_s=0.06)
+    for _ in range(25):
+        watch.weigh([-5.0], [0.0], [0.0], True)
+    for _ in range(20):
+        watch.weigh([-10.0 + off_n], [-5.0 + off_n], [0.0], False)
+    assert watch.nobody_pulls([off_n]) == said
+
+
 def test_a_person_answers_within_the_way_that_a_hand_gives():
     watch = LetGo(1, DT, alone_n=2.2, alone_s=0.15, steady_n_s=8.0, stands_m_s=0.06)
     for _ in range(25):
@@ -283,6 +306,28 @@ def test_a_person_answers_within_the_way_that_a_hand_gives():
     for _ in range(20):
         watch.weigh([-WEIGHT], [-WEIGHT + 2.3], [0.0], False)
     assert not watch.nobody_pulls([2.3])
+
+
+@pytest.mark.parametrize(("force", "mode", "reason"), [(-4.5, "COMPLY", "blocked"), (-5.3, "RUN", ""), (-9.3, "HOLD", "let go")])
+def test_a_hand_that_gave_way_feels_a_wall_below_half_the_share_somebody_above_it_or_nobody(force, mode, reason):
+    """Its share is 9.8 N; while it gives way the force changes to `force`."""
+    bench = Bench(replace(ROOM, energy_j=1e3), start=0.2)
+
+    def feels(force, n):
+        for k in range(n):
+            bench.tick(0.1, force, sensor_force=force - WEIGHT + 1e-3 * np.sin(k * k))
+            if bench.envelope.mode == "COMPLY":
+                return
+
+    for _ in range(30):
+        bench.tick(0.0, 0.0, sensor_force=-WEIGHT)
+    feels(0.0, 30)
+    feels(-WEIGHT, 60)
+    assert bench.envelope.reason.startswith("let go")
+    for k in range(27):
+        bench.tick(0.1, force, sensor_force=force - WEIGHT + 1e-3 * np.sin(k * k))
+    assert bench.envelope.mode == mode
+    assert bench.envelope.reason.startswith(reason)
 
 
 def sinks(more, *, seconds=0.3, speed=-0.1, led_up_before=None, alone_n=2.2):
@@ -536,6 +581,51 @@ def test_energy_is_booked_with_the_force_along_the_way():
     assert bench.envelope.diagnostics["tank"][0] == 2.0
 
 
+def test_the_tank_goes_down_to_nothing_and_then_the_hand_gives_no_more():
+    bench, given = Bench(Limits(energy_j=0.4), start=0.0), 0.0
+    for _ in range(200):
+        bench.tick(0.3, -10.0)
+        given += 10.0 * max(bench.command.velocity[0], 0.0) * DT
+    assert 0.3 < given <= 0.4
+    assert bench.command.velocity[0] == pytest.approx(0.0, abs=1e-9)
+    assert bench.envelope.diagnostics["tank"][0] < 0.1
+
+
+@pytest.mark.parametrize(("speed", "led_m"), [(0.3, 0.3 * 0.035 - 5.0 * 0.025**2), (0.05, 0.05 * 0.01 + 0.05**2 / 20.0)])
+@pytest.mark.parametrize("turn", [(1.0, 0.0), (0.6, -0.8)])
+def test_a_late_command_led_for_dt_and_then_until_it_was_braked(turn, speed, led_m):
+    """At 0.3 m/s it still moves after 25 ms of braking at 10 m/s^2; at 0.05 m/s it stands after 5 ms."""
+    way = np.array(turn)
+    bench = Bench(Limits(energy_j=1e3), d=2, start=0.0)
+    bench.ticks(20, speed * way, np.zeros(2))
+    before = np.array(bench.envelope._x)
+    bench.tick(speed * way, np.zeros(2), period=0.035)
+    assert bench.held == "late 35 ms"
+    assert np.array(bench.envelope._x) - before == pytest.approx(led_m * way, abs=1e-12)
+
+
+def test_a_hold_brakes_by_itself_before_the_checker_has_to():
+    bench = Bench(Limits(), d=2, start=0.0)
+    bench.ticks(20, np.array([0.18, -0.24]), np.zeros(2))
+    bench.envelope._checker.judge = lambda *_: ""
+    bench.tick(None, np.array([0.0, 70.0]))
+    assert bench.held
+    assert bench.command.velocity == pytest.approx([0.12, -0.16])
+    bench.ticks(2)
+    assert bench.command.velocity == pytest.approx([0.0, 0.0])
+
+
+def test_two_ticks_at_one_time_change_nothing_and_raise_nothing():
+    bench = Bench(start=0.2)
+    bench.ticks(10, 0.1, 0.0)
+    before = bench.command.velocity[0]
+    assert bench.tick(0.5, 0.0, period=0.0) == before
+    assert bench.held == ""
+    bench.tick(sample=False)  # coasts for 10 ms; then a sample that was taken 8 ms after the last one
+    assert bench.tick(0.5, 0.0, period=-0.002) == pytest.approx(before)
+    assert bench.held == ""
+
+
 def test_where_it_begins_beside_the_walls_they_are_moved_there_and_no_farther():
     limits = replace(ROOM, begins_beside_m=0.2)
     for start, low, high in ((-0.15, -0.15, 1.0), (1.15, 0.0, 1.15), (0.5, 0.0, 1.0)):
@@ -771,6 +861,14 @@ def test_flags_say_shaking_tare_walls_and_an_empty_tank():
     assert bench.envelope.notice == "felt 2.0 N at rest: wrong mass? tare"
 
 
+@pytest.mark.parametrize(("speed", "said"), [(0.045, True), (0.055, False)])
+def test_what_is_felt_in_motion_is_no_wrong_tare(speed, said):
+    bench = Bench(Limits(workspace_m=((0.0, 9.0),), energy_j=1e3), start=0.2)
+    bench.ticks(20, speed, 0.0)
+    bench.ticks(400, speed, -2.0)
+    assert bench.envelope.notice.startswith("felt") == said
+
+
 def test_a_hold_commands_the_place_where_it_stands_and_comply_where_the_hand_is():
     bench = Bench()
     bench.ticks(30, 0.3, 0.0)
@@ -814,6 +912,15 @@ def test_position_and_acceleration_pass_with_the_velocity_and_no_farther_than_a_
     bench.tick(None, 0.0)
     assert bench.command.velocity[0] > -0.5
     assert bench.command.position[0] == pytest.approx(bench.hand[0] + bench.command.velocity[0] * DT)
+
+
+@pytest.mark.parametrize("reading", [1e6, -1e9, 1e300, inf, -inf])
+def test_a_reading_that_no_sensor_says_is_a_missing_one(reading):
+    bench = Bench()
+    for n in range(40):
+        bench.tick(0.0, 0.0, sensor_force=reading if n in (5, 35) else -WEIGHT + 1e-3 * np.sin(n * n))
+        assert bench.held == ""
+    assert bench.envelope._let_go.load == pytest.approx(WEIGHT, abs=1e-3)
 
 
 def test_clock_and_samples_have_their_limits():
