@@ -154,6 +154,17 @@ def test_letting_go_takes_its_time_and_ends_with_an_open_hand():
         assert out[0] == 0.0
 
 
+def test_nobody_lets_go_while_the_object_is_weighed():
+    for seed in range(10):
+        rng, body, out = np.random.default_rng(seed), Body(carried_n=(9.8,)), np.zeros(1)
+        person = make("releases slowly", role=LEADING, course=LIFT, body=body, axes=("z",), rng=rng, event_s=1.2)
+        person.reset(np.zeros(1))
+        for n in range(1250):
+            person.force(n * 0.001, np.zeros(1), np.zeros(1), out)
+            assert n > 500 or person.habits[0].hold == 1.0
+        assert person.habits[0].hold == 0.0
+
+
 def test_somebody_who_levels_pushes_against_what_it_sees_and_not_at_once():
     person = somebody("levels by eye", "following", seed=1)
     person.reset(np.zeros(1))

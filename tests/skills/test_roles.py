@@ -353,6 +353,15 @@ def test_who_pulls_at_the_last_moment_is_waited_for(skills):
     assert [said for _, said in skill.changes] == [FOLLOWS]
 
 
+def test_a_stiff_shoulder_is_taken_for_nobody_once_and_led_to_the_end(skills):
+    """It pulls as much as the object weighs, and is known again by how that follows the speed."""
+    skill = Watched(make_skill(skills["leader"], axes=("z",), dt=DT))
+    x = carry(skill, lambda rng: Held(damping=60.0, friction=2.0), 8.0)
+    assert [said.startswith("COMPLY: let go") for _, said in skill.changes].count(True) == 1
+    ends = skills["leader"].ends
+    assert ends.min() - 0.02 <= x[-1] <= ends.max() + 0.02
+
+
 @pytest.mark.parametrize("made", [told_to_lead, told_nothing])
 def test_told_nothing_it_leaves_its_end_to_who_wants_to_be_elsewhere(skills, made):
     """2.6 N for a while; a robot that was told to lead knows no offset of its sensor, and stands by its end."""

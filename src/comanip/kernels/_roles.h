@@ -84,7 +84,7 @@ static inline void probe(Law *l, Role *r, const double *x) {
     }
 }
 
-/* RoleSkill._give_way_if_he_insists */
+/* RoleSkill._give_way_to_who_insists */
 static inline void give_way(Law *l, Role *r) {
     const Policy *policy = &l->policy;
     const int d = l->d;

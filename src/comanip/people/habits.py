@@ -14,7 +14,7 @@ import numpy as np
 
 from .body import Body
 
-HELD_S = 0.5  # [s]
+HELD_S = 0.5  # robots weigh the object in the first 0.3 s
 
 
 class Habit:

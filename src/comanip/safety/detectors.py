@@ -26,17 +26,17 @@ ANSWER_N = 0.7  # by which the softest arm's pull changes within the 1.6 cm that
 LIGHT_N = 1.25  # a share that weighs less is none: where nothing weighs along the axes, this is a sensor's bias, up to 1 N
 HANGS_N = 4.0  # below this a partner's arm, dragged along at 0.1 m/s, pulls as much as the object weighs: only what sinks tells
 ALONE_SHARE = 0.35  # of its share: within this of carrying all alone, where that is less than `alone_n`
-LACKS = (0.02, 0.12)  # of his share: who carries less by so much begins to count as letting go, and counts wholly;
-TURNS = (0.15, 0.3)  # so long after the hand went up as fast as this, he may be turning back
+LACKS = (0.02, 0.12)  # of the partner's share: who carries less by so much begins to count as letting go, and counts wholly;
+TURNS = (0.15, 0.3)  # so long after the hand went up as fast as this, the partner may be turning back
 TURNS_S, LED_UP_M_S = 2.0, 0.05
-LED_DOWN = 2.0  # times as fast as taught, at most, while he lacks no more than
-HELPS, LETS = 0.5, 0.9  # of his share; from the second on it is no leading down
-PULLS, LACK_PEAK_S = 0.3, 4.0  # so much of his share was a pull, and is remembered so long
+LED_DOWN = 2.0  # times as fast as taught, at most, while the partner lacks no more than
+HELPS, LETS = 0.5, 0.9  # of that share; from the second on it is no leading down
+PULLS, LACK_PEAK_S = 0.3, 4.0  # so much of that share was a pull, and is remembered so long
 YIELDS, PEAK_S = 0.8, 0.5  # of a push's peak, which is forgotten within so long
 ZERO_TICKS = 50  # of rest, over which a bias is known
 PULL_S = 0.06  # over which a pull is averaged: sensors are as noisy as 0.5 N
 LED_ALONE_N, LED_ALONE_S = 0.6, 0.25  # a hand that leads and meets less for so long leads nobody: an arm gives 1.2 N at 0.08 m/s
-AGAIN_S = 0.1  # he carries again, for so long: what was sunk is forgotten
+AGAIN_S = 0.1  # somebody carries again, for so long: what was sunk is forgotten
 DRAGGED_M_S, DIFFERS_M_S = 0.02, 0.01  # slower than this friction says little; a spread of speeds from which a damper is known
 FORGOTTEN_S = 1.5  # a resistance longer ago tells nothing of now
 TOLD_N, TOLD_S, UNTOLD_N = 0.8, 0.1, 2.0  # so near, over so long, is told; before anything is known it is not
@@ -90,6 +90,7 @@ class Drag:
         return pull + (self.products / self.ticks - mean * pull) / varies * (speed - mean)
 
     def explains(self, load: float) -> bool:
+        """Whether what is felt is this, with an object that weighs `load` [N] on the hand."""
         return self.error < TOLD_N and self.at(0.0) < RUBS * load
 
 
@@ -220,11 +221,11 @@ class Missing:
 
 
 class Sinking:
-    """How far the hand went down [m], `sunk`, while the partner carried less than his share and did not pull down more than
+    """How far the hand went down [m], `sunk`, while the partner carried less than a fair share and did not pull down more than
     nobody would: who lets go slowly, or hangs something on the object, goes through here, and so does who leads down gently.
     A few centimetres tell them apart: the partner pulls harder, or carries again.
 
-    Who turns back has just led up, and leads on with a little less than his share; from rest as much is counted more. Where
+    Who turns back has just led up, and leads on with a little less than that share; from rest as much is counted more. Where
     lessons went down the hand goes down with a partner who carries half of it: `led` [m/s] is how fast, and does not count.
     """
 

@@ -50,7 +50,7 @@ class Limits:
     steady_n_s: float = 8.0  # and the pull changes no faster, as it does where somebody, or a wall, answers the hand's motion
     stands_m_per_s: float = 0.06
     feel_s: float = 0.25  # a hand that stands gives way so long first: a wall lets it, and is then no more felt
-    sink_m: float = 0.022  # so far down at most while the partner carries less than most of his share
+    sink_m: float = 0.022  # so far down at most while the partner carries less than most of a fair share
     pushed_n: float = 10.0  # nobody leads with more than this for long; under a law that yields, `LED_N`:
     pushed_j: float = 0.25  # so much work beyond it is a sensor that lies, or a weight
     let_go_n: float = 0.3  # less than this is nobody, where the object weighs nothing along the axes

@@ -55,9 +55,8 @@ class Situation:
         limits = self.limits
         speed, size = length(self._v), length(self._force)
         self._drag.step(self._force, self._v, period)
-        if self._let_go.step(
-            speed, period, self._is_dragged()
-        ):  # or it presses on a wall with just that force, or somebody leans on it
+        # or it presses on a wall with just that force, or somebody leans on it
+        if self._let_go.step(speed, period, self._is_dragged()):
             self._comply(GONE)
             self._feels_s, self._pulled = limits.feel_s, self._let_go.pull()
         self._sink(period)

@@ -89,7 +89,7 @@ class PhaseReference:
         if end is not None:  # by an addition along the way: a factor on net displacement has no meaning where a path returns
             way = np.cumsum(speed[part])
             path += (way / way[-1])[:, None] * (end - path[-1])
-        # F is what the partner does beyond carrying his share: at rest nothing, so offsets of a sensor are not expected again
+        # F is what the partner does beyond carrying a share: at rest nothing, so offsets of a sensor are not expected again
         felt = _smoothed(force, step_s)[part]
         return cls(path, felt - np.linspace(felt[0], felt[-1], len(felt)), step_s)
 

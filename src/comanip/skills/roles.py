@@ -245,7 +245,7 @@ class RoleSkill(Copied, Kept):
         force = force - self._bias
         self._pull += min(self._dt / PULL_S, 1.0) * (force - self._pull)
         if not self._complies_only:
-            {FOLLOWS: self._take_over_if_nobody_leads, PROBES: self._probe, LEADS: self._give_way_if_he_insists}[self._state](x)
+            {FOLLOWS: self._take_over_if_nobody_leads, PROBES: self._probe, LEADS: self._give_way_to_who_insists}[self._state](x)
         if self._state != LEADS:
             self._where.step(x.tolist(), self._velocity.tolist())
             self._phase[0] = self._where.phase
@@ -372,7 +372,7 @@ class RoleSkill(Copied, Kept):
             return policy.probe_n
         return policy.probe_at_start_n if far > policy.nudge_m else policy.probe_most_n
 
-    def _give_way_if_he_insists(self, x: Array) -> None:
+    def _give_way_to_who_insists(self, x: Array) -> None:
         """A will of its own: a pull ahead, resistance that neither speed nor the lessons explain, or a place that is kept."""
         policy, wanted = self.policy, self._pace.velocity
         along, speed = _dot(self._pull, wanted) / max(_length(wanted), 1e-3), _length(self._velocity)
