@@ -21,7 +21,14 @@ class Going:
 
     diagnostics = {}  # noqa: RUF012
     stop_reason = "the end of the task"
-    notice = ""
+
+    @property
+    def mode(self):
+        return "HOLD" if self.pulled else "RUN"
+
+    @property
+    def notice(self):
+        return "HOLD: shaken" if self.pulled else ""
 
     def __init__(self):
         self.pulled = True
@@ -74,12 +81,20 @@ def test_only_what_was_granted_counts_as_re_armed(going):
     guarded, obs, command = going
     guarded.ask_rearm()
     guarded.step(obs, command)
-    assert (guarded.rearmed, guarded.answer, guarded.notice) == (0, "pulled", "not re-armed: pulled")
+    assert (guarded.rearmed, guarded.answer, guarded.notice) == (0, "pulled", "HOLD: shaken; not re-armed: pulled")
     guarded.envelope.pulled = False
     guarded.ask_rearm()
     guarded.step(obs, command)
     guarded.step(obs, command)
     assert (guarded.rearmed, guarded.answer, guarded.notice) == (1, "", "")
+
+
+def test_what_was_refused_is_not_said_once_it_runs_by_itself(going):
+    guarded, obs, command = going
+    guarded.ask_rearm()
+    guarded.step(obs, command)
+    guarded.envelope.pulled = False
+    assert (guarded.answer, guarded.notice) == ("pulled", "")
 
 
 @pytest.mark.parametrize(
